@@ -1,0 +1,1 @@
+"""What travels between Kirotei's services: topics, messages, and their encoding."""

@@ -1,0 +1,1 @@
+"""Kirotei's running parts and the pure algorithms beside them."""
