@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+import msgspec
+
 from schemas.message import Message, Part
 
 Level = Literal["ok", "degraded", "failed"]
@@ -43,7 +45,7 @@ class Health(Message, frozen=True, kw_only=True):
     """Arrivals that a full queue pushed out."""
     refused: int
     """Arrivals that could not be decoded."""
-    counts: dict[str, int] = {}
+    counts: dict[str, int] = msgspec.field(default_factory=dict)
     """The service's own counters, by name."""
     inputs: tuple[InputHealth, ...] = ()
 
