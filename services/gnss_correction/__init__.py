@@ -1,0 +1,1 @@
+"""Turns GNSS epochs into positions, with a verdict on every satellite."""

@@ -1,0 +1,1 @@
+"""Reads a GNSS receiver, or a recording of one, onto the bus."""

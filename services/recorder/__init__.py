@@ -1,0 +1,1 @@
+"""Keeps everything on the bus in MCAP files, and plays it back."""

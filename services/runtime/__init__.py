@@ -1,0 +1,1 @@
+"""What every service stands on: node, clock, configuration, life cycle."""

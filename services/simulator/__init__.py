@@ -1,0 +1,1 @@
+"""A train on a line with simulated sensors, against one truth."""
