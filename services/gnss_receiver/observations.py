@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.gnss import Epoch, Ephemeris, Ionosphere
+from schemas.gnss import Ephemeris, Epoch, Ionosphere
 from schemas.gnss_time import unix_ns_from_gps
 
 SYSTEMS = "GRECJSI"
