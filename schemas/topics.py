@@ -69,7 +69,7 @@ def _require_name(what: str, name: str) -> None:
         raise TopicError(msg)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Topic(Generic[M_co]):
     """One subject of the bus.
 

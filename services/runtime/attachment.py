@@ -1,0 +1,31 @@
+"""What rides beside every payload: who sent it, since which start, as which number, when."""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Attachment(msgspec.Struct, frozen=True, array_like=True):
+    """Sender's mark on one publication; msgpack array of four."""
+
+    source: str
+    """Place and instance, 'demo/train/T1/gnss_receiver'."""
+    boot_id: str
+    """Made anew at every start of the sender."""
+    sequence: int
+    """Counts from 0 per key and start."""
+    sent_ns: int
+    """UTC in Unix nanoseconds by the sender's clock."""
+
+
+_ENCODER = msgspec.msgpack.Encoder()
+_DECODER = msgspec.msgpack.Decoder(Attachment)
+encode_attachment = _ENCODER.encode
+
+
+def decode_attachment(octets: bytes) -> Attachment | None:
+    """Attachment in `octets`; None when they are not one (a foreign sender)."""
+    try:
+        return _DECODER.decode(octets)
+    except msgspec.MsgspecError:
+        return None

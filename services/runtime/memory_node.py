@@ -1,0 +1,175 @@
+"""The bus inside one process: for tests and offline replay, with deliveries as on the network.
+
+Delivery is immediate and in order; nothing is lost but by a full inbox. Late readers get the
+last STATE of each key and the last thousand EVENT and KEPT publications.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from typing import Any, TypeVar
+
+from msgspec import Struct
+
+from schemas.codec import encode
+from schemas.message import Message
+from schemas.topics import TABLE, Delivery, Place, Topic, TopicTable
+from services.runtime.attachment import Attachment, encode_attachment
+from services.runtime.clock import Clock
+from services.runtime.health import HealthBoard
+from services.runtime.inbox import DEFAULT_CAPACITY, Inbox, messages_of
+from services.runtime.key_expression import intersects
+from services.runtime.node import Sample, Service
+
+T = TypeVar("T")
+EVENT_CACHE = 1000
+
+
+class MemoryBus:
+    """Hands every publication to every inbox whose key expression matches."""
+
+    def __init__(self, table: TopicTable = TABLE) -> None:
+        """Make an empty bus with the given topics."""
+        self.table = table
+        self._inboxes: list[tuple[tuple[str, ...], Inbox]] = []
+        self._state: dict[str, Sample] = {}
+        self._events: deque[Sample] = deque(maxlen=EVENT_CACHE)
+        self._boots: dict[str, int] = {}
+        self._matches: dict[str, list[Inbox]] = {}
+
+    def boot_id(self, source: str) -> str:
+        """Next boot id of a source: 'boot-1', 'boot-2', … (reproducible, unlike the network's)."""
+        self._boots[source] = self._boots.get(source, 0) + 1
+        return f"boot-{self._boots[source]}"
+
+    def put(self, sample: Sample, delivery: Delivery) -> None:
+        """Deliver one publication."""
+        if delivery is Delivery.STATE:
+            self._state[sample.key] = sample
+        elif delivery in (Delivery.EVENT, Delivery.KEPT):
+            self._events.append(sample)
+        inboxes = self._matches.get(sample.key)
+        if inboxes is None:
+            inboxes = [inbox for expressions, inbox in self._inboxes if _matches(expressions, sample.key)]
+            self._matches[sample.key] = inboxes
+        for inbox in inboxes:
+            inbox.put_inline(sample)
+
+    def subscribe(self, expressions: tuple[str, ...], inbox: Inbox) -> None:
+        """Deliver to `inbox` from now on, after what late readers get."""
+        self._inboxes.append((expressions, inbox))
+        self._matches.clear()
+        for sample in (*self._state.values(), *self._events):
+            if _matches(expressions, sample.key):
+                inbox.put_inline(sample)
+
+    def unsubscribe(self, inbox: Inbox) -> None:
+        """Deliver to `inbox` no more."""
+        self._inboxes = [entry for entry in self._inboxes if entry[1] is not inbox]
+        self._matches.clear()
+
+
+def _matches(expressions: tuple[str, ...], key: str) -> bool:
+    return any(intersects(expression, key) for expression in expressions)
+
+
+class MemoryNode:
+    """A service's node on a MemoryBus."""
+
+    def __init__(
+        self,
+        bus: MemoryBus,
+        service: Service[Any],
+        place: Place,
+        clock: Clock,
+        instance: str | None = None,
+        capacity: int = DEFAULT_CAPACITY,
+    ) -> None:
+        """Join the bus. Needs a running loop."""
+        self._bus = bus
+        self._service = service
+        self._capacity = capacity
+        self.place = place
+        self.instance = instance or service.name
+        self.clock = clock
+        self.source = f"{place}/{self.instance}"
+        self.boot_id = bus.boot_id(self.source)
+        self.health = HealthBoard(self.instance, self.boot_id, clock.monotonic_s())
+        self.is_ready = asyncio.Event()
+        self._stop = asyncio.Event()
+        self._sequences: dict[str, int] = {}
+        self._inboxes: list[Inbox] = []
+
+    async def publish(self, topic: Topic[Any], message: Message, **fields: str) -> None:
+        """Put a message on its key; see `Node.publish`."""
+        self._service.require_write(topic)
+        if type(message) is not topic.message:
+            msg = f"{topic.template} carries {topic.schema_name}, not {type(message).__name__}"
+            raise TypeError(msg)
+        key = topic.at(self.place, **fields)
+        sequence = self._sequences.get(key, 0)
+        self._sequences[key] = sequence + 1
+        now_ns = self.clock.now_ns()
+        attachment = encode_attachment(Attachment(self.source, self.boot_id, sequence, now_ns))
+        self.health.published += 1
+        self._bus.put(Sample(key, encode(message), attachment, now_ns), topic.delivery)
+
+    def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Any]:
+        """Messages with their senders; see `Node.arrivals`."""
+        for topic in topics:
+            self._service.require_read(topic)
+        expressions = tuple(
+            topic.anywhere(self.place.line) if anywhere else topic.within(self.place) for topic in topics
+        )
+        return self._open_inbox(expressions).arrivals(self._bus.table)
+
+    def messages(self, *topics: Topic[Any]) -> AsyncIterator[Any]:
+        """Messages alone; see `Node.messages`."""
+        return messages_of(self.arrivals(*topics))
+
+    def samples(self, key_expression: str) -> AsyncIterator[Sample]:
+        """Undecoded publications; see `Node.samples`."""
+        return self._open_inbox((key_expression,)).samples()
+
+    def _open_inbox(self, expressions: tuple[str, ...]) -> Inbox:
+        inbox = Inbox(self.clock, self.health, self._capacity)
+        self._inboxes.append(inbox)
+        self._bus.subscribe(expressions, inbox)
+        if self._stop.is_set():
+            inbox.close()
+        return inbox
+
+    def ready(self) -> None:
+        """Note that the service answers from now on."""
+        self.is_ready.set()
+
+    @property
+    def stopping(self) -> bool:
+        """True once `stop` was called."""
+        return self._stop.is_set()
+
+    def stop(self) -> None:
+        """Ask the service to finish: its readers end after what is queued."""
+        self._stop.set()
+        for inbox in self._inboxes:
+            self._bus.unsubscribe(inbox)
+            inbox.close()
+
+    async def sleep(self, seconds: float) -> bool:
+        """Wait; see `Node.sleep`."""
+        try:
+            async with asyncio.timeout(seconds):
+                await self._stop.wait()
+        except TimeoutError:
+            return not self._stop.is_set()
+        return False
+
+    async def in_thread(self, work: Callable[[], T]) -> T:
+        """Result of `work`, inline: time is virtual here."""
+        return work()
+
+    async def run(self, config: Struct) -> None:
+        """Run the service until it ends."""
+        await self._service.run(self, config)
