@@ -1,0 +1,21 @@
+"""The one way in which loops of this service are compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """`function` compiled by numba on its first call and cached on disk.
+
+    It releases the interpreter lock, and a division by zero gives inf or NaN as in numpy.
+    Hand it arrays of one's own (contiguous, writable): every other kind of array would be
+    compiled once more. The cache of a kernel notices changes of its own file only; clear
+    it (NUMBA_CACHE_DIR) after changing a kernel that another file's kernel calls.
+    """
+    return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
