@@ -1,0 +1,35 @@
+"""The `kirotei` command: thin, calls into the rooms. Heavy libraries load when a command needs them."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from services.runtime import bus_command
+
+app = typer.Typer(
+    name="kirotei",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help: Rich alone would take longer to load than all the rest
+    help="Where a train is on its line, how sure that is, and how healthy the signalling around it is. "
+    "Supports people; it is not certified safety equipment.",
+)
+app.command()(bus_command.topics)
+app.command()(bus_command.schema)
+app.command()(bus_command.decode)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    try:
+        app()
+    except BrokenPipeError:  # the reader of a pipe has gone, as with `| head`
+        sys.stderr.close()
+        sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()

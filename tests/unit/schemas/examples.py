@@ -1,0 +1,136 @@
+"""One example of every message, and the writer of the kept bytes.
+
+`python -m tests.unit.schemas.examples` adds bytes of messages that have none yet, or whose
+fields have grown. Bytes once kept are never changed: they are what older senders send.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from schemas import topics
+from schemas.codec import encode, encode_json
+from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere, KeplerOrbit, SatelliteVerdict, Verdicts
+from schemas.health import Health, InputHealth, ServiceEvent
+from schemas.message import Message
+from schemas.position import TrainTruth
+
+_T_NS = 1_465_211_424_700_000_000
+
+EXAMPLES: dict[type[Message], Message] = {
+    Epoch: Epoch(
+        t_ns=_T_NS,
+        gps_week=1900,
+        tow_s=126641.7,
+        satellites=("G05", "E11"),
+        signals=("1C", "1C"),
+        pseudorange_m=np.array([2.1e7, 2.4e7]),
+        carrier_phase_cycles=np.array([1.1e8, np.nan]),
+        doppler_hz=np.array([-1200.5, 300.25]),
+        cn0_dbhz=np.array([45.0, 38.0]),
+        lock_lost=np.array([0, 1], np.uint8),
+    ),
+    Ephemeris: Ephemeris(
+        t_ns=_T_NS,
+        satellite="G05",
+        gps_week=1900,
+        toe_s=129600.0,
+        toc_s=129600.0,
+        clock_bias_s=1e-5,
+        clock_drift=1e-12,
+        healthy=True,
+        fit_interval_s=7200.0,
+        orbit=KeplerOrbit(
+            sqrt_a=5153.6,
+            eccentricity=0.01,
+            m0_rad=0.5,
+            delta_n_radps=4e-9,
+            omega0_rad=1.0,
+            omega_dot_radps=-8e-9,
+            omega_rad=0.7,
+            i0_rad=0.96,
+            i_dot_radps=1e-10,
+            cuc_rad=1e-6,
+            cus_rad=1e-6,
+            crc_m=200.0,
+            crs_m=20.0,
+            cic_rad=1e-8,
+            cis_rad=1e-8,
+        ),
+    ),
+    Ionosphere: Ionosphere(t_ns=_T_NS, alpha=(1e-8, 2e-8, -6e-8, -1e-7), beta=(8e4, 1e5, -6e4, -5e5)),
+    Verdicts: Verdicts(
+        t_ns=_T_NS,
+        gps_week=1900,
+        tow_s=126641.7,
+        satellites=(
+            SatelliteVerdict(satellite="G05", used=True, flagged=False, reason="clean", elevation_rad=0.8),
+            SatelliteVerdict(satellite="E11", used=False, flagged=True, multipath_probability=0.9, reason="change"),
+        ),
+    ),
+    Fix: Fix(
+        t_ns=_T_NS,
+        gps_week=1900,
+        tow_s=126641.7,
+        method="adjust",
+        status="fix",
+        lat_deg=52.5,
+        lon_deg=13.37,
+        h_m=76.0,
+        satellites_used=7,
+        satellites_flagged=2,
+    ),
+    TrainTruth: TrainTruth(
+        t_ns=_T_NS,
+        lat_deg=34.7,
+        lon_deg=135.5,
+        h_m=40.0,
+        ve_mps=1.0,
+        vn_mps=2.0,
+        vu_mps=0.0,
+        axis_m=1234.5,
+        speed_mps=2.2,
+        surroundings="street canyon",
+    ),
+    Health: Health(
+        t_ns=_T_NS,
+        service="gnss_receiver@rear",
+        boot_id="3f2a",
+        level="degraded",
+        reasons=("2 missing",),
+        uptime_s=12.5,
+        published=60,
+        received=0,
+        dropped=0,
+        refused=1,
+        counts={"epochs": 60},
+        inputs=(
+            InputHealth(key="k", source="s", received=3, missing=2, duplicated=0, restarts=0, age_s=0.1, delay_s=0.002),
+        ),
+    ),
+    ServiceEvent: ServiceEvent(t_ns=_T_NS, service="gnss_receiver", boot_id="3f2a", kind="started", text="ready"),
+}
+
+
+def keep_bytes(folder: Path) -> list[str]:
+    """Write bytes and JSON of every example that no kept file covers; give the new names."""
+    folder.mkdir(exist_ok=True)
+    written = []
+    for topic in topics.ALL:
+        message = EXAMPLES[topic.message]
+        fields = set(json.loads(encode_json(message)))
+        kept = sorted(folder.glob(f"{topic.schema_name}.*.json"))
+        if kept and set(json.loads(kept[-1].read_text("utf-8"))) == fields:
+            continue
+        name = f"{topic.schema_name}.{len(kept) + 1:03d}"
+        (folder / f"{name}.msgpack").write_bytes(encode(message))
+        (folder / f"{name}.json").write_bytes(encode_json(message))
+        written.append(name)
+    return written
+
+
+if __name__ == "__main__":
+    print(*keep_bytes(Path(__file__).parent / "old_bytes"), sep="\n")  # noqa: T201 - a script's output
