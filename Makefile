@@ -25,12 +25,13 @@ lint: $(READY)
 types: $(READY)
 	$(BIN)/mypy
 
-bench: $(READY)
+bench: $(READY) .venv-peers/.ready
 	$(BIN)/kirotei bench
 
 lock:
 	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes --no-emit-index-url pyproject.toml -o requirements/run.lock
 	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes --no-emit-index-url --group dev -c requirements/run.lock pyproject.toml -o requirements/dev.lock
+	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes --no-emit-index-url --group peers -o requirements/peers.lock
 
 $(READY): requirements/dev.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Kirotei needs Python 3.11 or newer; give one with: make PYTHON=python3.12 …")'
@@ -40,5 +41,11 @@ $(READY): requirements/dev.lock pyproject.toml
 	@PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $(READY)
 
+# What Kirotei is measured against lives apart, so that it changes nothing here.
+.venv-peers/.ready: requirements/peers.lock
+	@test -x .venv-peers/bin/python || $(PYTHON) -m venv .venv-peers
+	@.venv-peers/bin/python -m pip install -q --disable-pip-version-check --only-binary :all: --require-hashes -r requirements/peers.lock
+	@touch $@
+
 clean:
-	rm -rf $(VENV) dist .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) .venv-peers dist .mypy_cache .ruff_cache .pytest_cache
