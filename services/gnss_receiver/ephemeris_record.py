@@ -32,6 +32,7 @@ _QZSS_L1CB = 0b1
 _SISA_STEPS_M = ((50, 0.0, 0.01), (75, 0.5, 0.02), (100, 1.0, 0.04), (126, 2.0, 0.16))
 """Galileo OS SIS ICD 2.1, table 89: below this index, from this figure, in steps of this."""
 _MOST_SISA_M = 6.0
+_UNKNOWN_S = -9999.0
 _KM = 1000.0
 _MOSCOW_S = 3 * 3600
 _TB_S = 900
@@ -142,7 +143,7 @@ def _sent(written_s: float | None, period_s: int, reference_s: float) -> float:
 
     Unknown is written as 0.9999E9 (RINEX 3.05, table A6), as -9999 or left blank.
     """
-    if written_s is None or abs(written_s) > WEEK_S:
+    if written_s is None or written_s == _UNKNOWN_S or abs(written_s) > 2 * WEEK_S:
         return reference_s
     sent_s = _nearest(written_s, period_s, reference_s)
     return sent_s if abs(sent_s - reference_s) < _DAY_S else reference_s

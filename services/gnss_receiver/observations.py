@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,6 +84,31 @@ class Navigation:
     ephemerides: tuple[Ephemeris, ...]
     ionosphere: Ionosphere | None = None
     issues: tuple[FileIssue, ...] = ()
+
+
+def observations_of(epochs: Iterable[Epoch]) -> Observations:
+    """Columns of single epochs, in their order."""
+    whole = list(epochs)
+    signals = tuple(sorted({signal for epoch in whole for signal in epoch.signals}))
+    place = {signal: index for index, signal in enumerate(signals)}
+
+    def column(name: str) -> NDArray[np.float64]:
+        parts: list[NDArray[np.float64]] = [getattr(epoch, name) for epoch in whole]
+        return np.concatenate([np.empty(0), *parts])
+
+    return Observations(
+        gps_week=np.array([epoch.gps_week for epoch in whole], np.int64),
+        tow_s=np.array([epoch.tow_s for epoch in whole], np.float64),
+        first_row=np.cumsum([0, *(len(epoch.satellites) for epoch in whole)], dtype=np.int64),
+        satellite=np.array([satellite_code(name) for epoch in whole for name in epoch.satellites], np.uint16),
+        signal=np.array([place[signal] for epoch in whole for signal in epoch.signals], np.uint8),
+        signals=signals,
+        pseudorange_m=column("pseudorange_m"),
+        carrier_phase_cycles=column("carrier_phase_cycles"),
+        doppler_hz=column("doppler_hz"),
+        cn0_dbhz=column("cn0_dbhz"),
+        lock_lost=np.concatenate([np.empty(0, np.uint8), *(epoch.lock_lost for epoch in whole)]),
+    )
 
 
 def satellite_code(name: str) -> int:

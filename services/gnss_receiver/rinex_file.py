@@ -1,10 +1,11 @@
-"""Bytes of a RINEX file on disk, whatever it is packed in."""
+"""Bytes of a RINEX file on disk: read from whatever they are packed in, and written whole or not at all."""
 
 from __future__ import annotations
 
 import gzip
 import warnings
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 
 import hatanaka
@@ -29,6 +30,20 @@ def read_bytes(path: Path) -> bytes:
     if content.startswith((_LZW, _BZIP2, _ZIP)) or _is_compact(content):
         content = _unpack(content, path)
     return content
+
+
+def write_lines(path: Path, lines: Iterable[str]) -> None:
+    """Write a file of lines, beside its place first: a failure leaves what stood there before.
+
+    Raises OSError when it cannot be written, and whatever `lines` raises.
+    """
+    beside = path.with_name(f"{path.name}.part")
+    try:
+        with beside.open("w", encoding="ascii", newline="\n") as stream:
+            stream.writelines(f"{line}\n" for line in lines)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def _is_compact(content: bytes) -> bool:

@@ -1,4 +1,4 @@
-"""Broadcast orbits, clocks and ionosphere of RINEX navigation files on disk."""
+"""Broadcast orbits, clocks and ionosphere from and to RINEX navigation files on disk."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from services.gnss_receiver.observations import Navigation
-from services.gnss_receiver.rinex_file import read_bytes
+from services.gnss_receiver.rinex_file import read_bytes, write_lines
 from services.gnss_receiver.rinex_navigation import parse_navigation
+from services.gnss_receiver.rinex_navigation_text import navigation_lines
 
 
 def read_navigation(paths: Sequence[Path]) -> Navigation:
@@ -18,3 +19,11 @@ def read_navigation(paths: Sequence[Path]) -> Navigation:
     Raises RinexError when one is no such file, OSError when it cannot be read.
     """
     return parse_navigation((str(path), read_bytes(path)) for path in paths)
+
+
+def write_navigation(path: Path, navigation: Navigation) -> None:
+    """Write a RINEX 3.04 navigation file, whole or not at all.
+
+    Raises ValueError for what RINEX cannot hold (see `navigation_lines`), OSError when it cannot be written.
+    """
+    write_lines(path, navigation_lines(navigation))

@@ -1,12 +1,14 @@
-"""Observations of a RINEX observation file on disk."""
+"""Observations from and to RINEX observation files on disk."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from services.gnss_receiver.observations import Observations
-from services.gnss_receiver.rinex_file import read_bytes
+from schemas.gnss import Epoch
+from services.gnss_receiver.observations import Observations, observations_of
+from services.gnss_receiver.rinex_file import read_bytes, write_lines
+from services.gnss_receiver.rinex_observation_text import RecordingHeader, observation_lines
 from services.gnss_receiver.rinex_observations import parse_observations
 
 
@@ -18,3 +20,14 @@ def read_observations(path: Path, *, progress: Callable[[float], None] | None = 
     Raises RinexError when it is no such file, OSError when it cannot be read.
     """
     return parse_observations(read_bytes(path), str(path), progress)
+
+
+def write_observations(
+    path: Path, epochs: Observations | Iterable[Epoch], header: RecordingHeader | None = None
+) -> None:
+    """Write a RINEX 3.04 observation file, whole or not at all.
+
+    Raises ValueError for what RINEX cannot hold (see `observation_lines`), OSError when it cannot be written.
+    """
+    observations = epochs if isinstance(epochs, Observations) else observations_of(epochs)
+    write_lines(path, observation_lines(observations, header or RecordingHeader()))
