@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import msgspec
 
 
-class Attachment(msgspec.Struct, frozen=True, array_like=True):
+class Attachment(msgspec.Struct, frozen=True, array_like=True, gc=False):
     """Sender's mark on one publication; msgpack array of four."""
 
     source: str
     """Place and instance, 'demo/train/T1/gnss_receiver'."""
     boot_id: str
     """Made anew at every start of the sender."""
-    sequence: int
+    sequence: Annotated[int, msgspec.Meta(ge=0)]
     """Counts from 0 per key and start."""
     sent_ns: int
     """UTC in Unix nanoseconds by the sender's clock."""
@@ -27,5 +29,6 @@ def decode_attachment(octets: bytes) -> Attachment | None:
     """Attachment in `octets`; None when they are not one (a foreign sender)."""
     try:
         return _DECODER.decode(octets)
-    except msgspec.MsgspecError:
+    except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
+        # ValueError: text that is not UTF-8.
         return None

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 
 from schemas.health import Health, InputHealth, Level
+from services.runtime.attachment import Attachment
 from services.runtime.sequence import Mark, SequenceTracker
 
-MAX_INPUTS = 256
+MAX_INPUTS = 65_536
+"""Sources and keys that one reader follows; beyond them nothing is checked, and that is counted."""
+MAX_SHOWN = 256
+"""Inputs that a report lists: those with gaps, restarts or repetitions first."""
+MAX_NOTICES = 256
 TROUBLE_SHOWN_S = 10.0
 """A gap, a restart or a drop colours the level this long after it happened."""
 
 
 @dataclass(slots=True)
-class _Input:
+class Input:
+    """One source on one key, as one reader sees it."""
+
     tracker: SequenceTracker = field(default_factory=SequenceTracker)
     newest_s: float = 0.0
     delay_s: float = 0.0
+
+    @property
+    def troubles(self) -> int:
+        """Anything that was not one message after the other."""
+        return self.tracker.missing + self.tracker.duplicated + self.tracker.restarts
 
 
 @dataclass(slots=True)
@@ -36,10 +49,11 @@ class HealthBoard:
     refused: int = 0
     counts: dict[str, int] = field(default_factory=dict)
     overflow_inputs: int = 0
-    _inputs: dict[tuple[str, str], _Input] = field(default_factory=dict)
+    """Arrivals from more sources and keys than are followed."""
+    _readers: list[dict[tuple[str, str], Input]] = field(default_factory=list)
     _reasons: dict[str, tuple[Level, str]] = field(default_factory=dict)
     _trouble: dict[str, tuple[float, str]] = field(default_factory=dict)
-    _notices: list[tuple[str, str]] = field(default_factory=list)
+    _notices: deque[tuple[str, str]] = field(default_factory=lambda: deque(maxlen=MAX_NOTICES))
 
     def count(self, name: str, amount: int = 1) -> None:
         """Add to one of the service's own counters."""
@@ -57,33 +71,28 @@ class HealthBoard:
         """Note something that has happened and is over; it colours the level for a while."""
         self._trouble[name] = (now_s, reason)
 
-    def note_arrival(self, key: str, source: str, boot_id: str, sequence: int, delay_s: float, now_s: float) -> Mark:
-        """Follow one arrival's sequence number; gaps and restarts become trouble and notices."""
-        entry = self._inputs.get((key, source))
-        if entry is None:
-            if len(self._inputs) >= MAX_INPUTS:
-                self.overflow_inputs += 1
-                return Mark.FIRST
-            entry = self._inputs[key, source] = _Input()
-        newest = entry.tracker.newest
-        mark = entry.tracker.take(boot_id, sequence)
-        entry.newest_s, entry.delay_s = now_s, delay_s
-        if mark is Mark.NEXT or mark is Mark.FIRST or mark is Mark.DUPLICATE:
-            return mark
+    def open_reader(self) -> InputWatch:
+        """Follow the inputs of one more reader; each reader sees every message once."""
+        inputs: dict[tuple[str, str], Input] = {}
+        self._readers.append(inputs)
+        return InputWatch(self, inputs)
+
+    def note(self, mark: Mark, key: str, sent: Attachment, missing: int, now_s: float) -> None:
+        """Make trouble and a notice of a gap, a restart or a false twin."""
         if mark is Mark.GAP:
-            text = f"{sequence - newest - 1} missing on {key} from {source} (after number {newest})"
+            text = f"{missing} missing on {key} from {sent.source} (before number {sent.sequence})"
             self._notices.append(("input_gap", text))
         elif mark is Mark.RESTART:
-            text = f"{source} restarted (now {boot_id}) on {key}"
+            text = f"{sent.source} restarted (now {sent.boot_id}) on {key}"
             self._notices.append(("input_restart", text))
         else:
-            text = f"two senders share the identity {source} on {key}"
-        self.trouble(f"{mark.value}:{key}:{source}", text, now_s)
-        return mark
+            text = f"two senders share the identity {sent.source} on {key}"
+        self.trouble(f"{mark.value}:{key}:{sent.source}", text, now_s)
 
     def take_notices(self) -> list[tuple[str, str]]:
-        """Gaps and restarts seen since the last call, as (kind, text)."""
-        notices, self._notices = self._notices, []
+        """Gaps and restarts seen since the last call (the newest 256), as (kind, text)."""
+        notices = list(self._notices)
+        self._notices.clear()
         return notices
 
     def level(self, now_s: float) -> tuple[Level, tuple[str, ...]]:
@@ -110,7 +119,7 @@ class HealthBoard:
             received=self.received,
             dropped=self.dropped,
             refused=self.refused,
-            counts=dict(self.counts),
+            counts=self.counts | ({"inputs_not_followed": self.overflow_inputs} if self.overflow_inputs else {}),
             inputs=tuple(
                 InputHealth(
                     key=key,
@@ -122,6 +131,46 @@ class HealthBoard:
                     age_s=now_s - entry.newest_s,
                     delay_s=entry.delay_s,
                 )
-                for (key, source), entry in self._inputs.items()
+                for (key, source), entry in self._shown().items()
             ),
         )
+
+    def _shown(self) -> dict[tuple[str, str], Input]:
+        """Inputs to report; of an input with several readers, the one that saw the most trouble."""
+        worst: dict[tuple[str, str], Input] = {}
+        for reader in self._readers:
+            for name, entry in reader.items():
+                if name not in worst or entry.troubles > worst[name].troubles:
+                    worst[name] = entry
+        if len(worst) <= MAX_SHOWN:
+            return worst
+        ranked = sorted(worst.items(), key=lambda item: item[1].troubles, reverse=True)
+        return dict(ranked[:MAX_SHOWN])
+
+
+@dataclass(frozen=True, slots=True)
+class InputWatch:
+    """The inputs of one reader."""
+
+    _board: HealthBoard
+    _inputs: dict[tuple[str, str], Input]
+
+    def take(self, key: str, sent: Attachment, delay_s: float, now_s: float) -> bool:
+        """Follow one arrival's sequence number; False when it is a repetition, not to be handed on."""
+        entry = self._inputs.get((key, sent.source))
+        if entry is None:
+            if len(self._inputs) >= MAX_INPUTS:
+                self._board.overflow_inputs += 1
+                return True
+            entry = self._inputs[key, sent.source] = Input()
+        entry.newest_s = now_s
+        entry.delay_s = delay_s
+        tracker = entry.tracker
+        missing = tracker.missing
+        mark = tracker.take(sent.boot_id, sent.sequence)
+        if mark is Mark.NEXT or mark is Mark.FIRST:
+            return True
+        if mark is Mark.DUPLICATE:
+            return False
+        self._board.note(mark, key, sent, tracker.missing - missing, now_s)
+        return True

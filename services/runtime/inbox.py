@@ -1,7 +1,7 @@
 """The bounded queue between the transport and a service's loop.
 
 The transport's thread appends and arms at most one wake-up; the loop drains in batches. When
-the queue is full the oldest sample is pushed out and counted.
+the queue is full the oldest samples are pushed out and counted.
 """
 
 from __future__ import annotations
@@ -9,21 +9,19 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Sequence
 
 from schemas.codec import DecodeError, decode
 from schemas.message import Message
 from schemas.topics import TopicTable
-from services.runtime.attachment import Attachment, decode_attachment
+from services.runtime.attachment import decode_attachment
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
 from services.runtime.node import Arrival, Sample
-from services.runtime.sequence import Mark
 
 DEFAULT_CAPACITY = 4096
 BATCH = 256
 """Samples handed on before other tasks of the loop get their turn."""
-_UNMARKED = Attachment("", "", -1, 0)
 
 
 async def messages_of(arrivals: AsyncIterator[Arrival[Message]]) -> AsyncIterator[Message]:
@@ -33,108 +31,148 @@ async def messages_of(arrivals: AsyncIterator[Arrival[Message]]) -> AsyncIterato
 
 
 class Inbox:
-    """Samples of one subscription, waiting for the loop."""
+    """Samples of one reader, waiting for the loop."""
 
     def __init__(self, clock: Clock, health: HealthBoard, capacity: int = DEFAULT_CAPACITY) -> None:
         """Make an empty inbox for the running event loop."""
         self._loop = asyncio.get_running_loop()
         self._clock = clock
         self._health = health
-        self._queue: deque[Sample] = deque(maxlen=capacity)
+        self._watch = health.open_reader()
+        self._queue: deque[Sample] = deque()
         self._capacity = capacity
-        self._overflow = threading.Lock()
+        self._appending = threading.Lock()
+        self._pushed_out = 0
         self._armed = False
         self._closed = False
         self._wake: asyncio.Future[None] | None = None
+        self._now_s = clock.monotonic_s()
 
-    def put(self, sample: Sample) -> None:
+    def put(self, samples: Sequence[Sample]) -> None:
         """Append from any thread. Pushes the oldest out when full; ignored once closed."""
         if self._closed:
             return
-        if len(self._queue) >= self._capacity:
-            with self._overflow:  # several transport threads may overflow one inbox
-                self._health.dropped += 1
-        self._queue.append(sample)
+        if self._append(samples):
+            self._call(self._count_pushed_out)
         if not self._armed:
             self._armed = True
-            try:
-                self._loop.call_soon_threadsafe(self._awake)
-            except RuntimeError:  # the loop has ended; nobody will read this any more
-                self._closed = True
+            self._call(self._awake)
 
     def put_inline(self, sample: Sample) -> None:
         """Append from the loop's own thread."""
         if self._closed:
             return
-        if len(self._queue) >= self._capacity:
-            with self._overflow:  # several transport threads may overflow one inbox
-                self._health.dropped += 1
-        self._queue.append(sample)
+        if self._append((sample,)):
+            self._count_pushed_out()
         self._awake()
+
+    def refuse(self, reason: str) -> None:
+        """Count, from any thread, what is not even worth queueing."""
+        self._call(lambda: self._refuse(reason))
+
+    @property
+    def crowded(self) -> bool:
+        """More than half full: a transport that can wait should let the reader have its turn."""
+        return 2 * len(self._queue) > self._capacity
+
+    @property
+    def closed(self) -> bool:
+        """Nothing is taken in any more."""
+        return self._closed
 
     def close(self) -> None:
         """Let the reader finish what is queued, and then end. From the loop's thread."""
         self._closed = True
         self._awake()
 
+    def _append(self, samples: Sequence[Sample]) -> bool:
+        """Append; True when samples were pushed out and nobody has been told yet."""
+        queue = self._queue
+        with self._appending:  # several transport threads may fill one inbox
+            told = self._pushed_out > 0
+            queue.extend(samples)
+            while len(queue) > self._capacity:
+                queue.popleft()
+                self._pushed_out += 1
+            return self._pushed_out > 0 and not told
+
+    def _count_pushed_out(self) -> None:
+        with self._appending:
+            count, self._pushed_out = self._pushed_out, 0
+        self._health.dropped += count
+        reason = f"a full inbox ({self._capacity}) pushed out {count} arrivals"
+        self._health.trouble("dropped", reason, self._clock.monotonic_s())
+
+    def _call(self, function: Callable[[], None]) -> None:
+        try:
+            self._loop.call_soon_threadsafe(function)
+        except RuntimeError:  # the loop has ended; nobody will read this any more
+            self._closed = True
+
     def _awake(self) -> None:
         self._armed = False
         if self._wake is not None and not self._wake.done():
             self._wake.set_result(None)
 
+    async def _wait(self) -> bool:
+        """Wait for samples; False when there will be none any more."""
+        if not self._queue:
+            if self._closed:
+                return False
+            self._wake = self._loop.create_future()
+            await self._wake
+            self._wake = None
+        self._now_s = self._clock.monotonic_s()
+        return True
+
     async def samples(self) -> AsyncIterator[Sample]:
         """Queued samples, oldest first, until closed and empty."""
-        handed = 0
-        while True:
-            while self._queue:
-                yield self._queue.popleft()
-                handed += 1
-                if handed % BATCH == 0:
+        queue = self._queue
+        try:
+            while await self._wait():
+                for _ in range(min(len(queue), BATCH)):
+                    yield queue.popleft()
+                if queue:
                     await asyncio.sleep(0)
-            if self._closed:
-                return
-            self._wake = self._loop.create_future()
-            if not self._queue:
-                await self._wake
-            self._wake = None
+        finally:
+            self._closed = True
 
     async def arrivals(self, table: TopicTable) -> AsyncIterator[Arrival[Message]]:
         """Queued samples decoded; what is refused or repeated is counted and left out."""
-        async for sample in self.samples():
-            arrival = self._open(sample, table)
-            if arrival is not None:
-                yield arrival
+        queue = self._queue
+        try:
+            while await self._wait():
+                for _ in range(min(len(queue), BATCH)):
+                    arrival = self._open(queue.popleft(), table)
+                    if arrival is not None:
+                        yield arrival
+                if queue:
+                    await asyncio.sleep(0)
+        finally:
+            self._closed = True
 
     def _open(self, sample: Sample, table: TopicTable) -> Arrival[Message] | None:
-        address = table.find(sample.key)
-        mark = _UNMARKED if not sample.attachment else (decode_attachment(sample.attachment) or _UNMARKED)
-        now_s = self._clock.monotonic_s()
-        if mark.source:
-            delay_s = (sample.received_ns - mark.sent_ns) / 1e9
-            noted = self._health.note_arrival(sample.key, mark.source, mark.boot_id, mark.sequence, delay_s, now_s)
-            if noted is Mark.DUPLICATE:
+        key = sample.key
+        mark = decode_attachment(sample.attachment) if sample.attachment else None
+        source, boot_id, sequence, sent_ns = "", "", -1, 0
+        if mark is not None:
+            source, boot_id, sequence, sent_ns = mark.source, mark.boot_id, mark.sequence, mark.sent_ns
+            if not self._watch.take(key, mark, (sample.received_ns - sent_ns) / 1e9, self._now_s):
                 return None
+        address = table.find(key)
         if address is None:
-            self._refuse(f"no topic has the key {sample.key}", now_s)
+            self._refuse(f"no topic has the key {key}")
             return None
         try:
             message = decode(address.topic.message, sample.payload)
         except DecodeError as error:
-            self._refuse(f"{sample.key} from {mark.source or 'an unknown sender'}: {error}", now_s)
+            self._refuse(f"{key} from {source or 'an unknown sender'}: {error}")
             return None
         self._health.received += 1
         return Arrival(
-            message,
-            sample.key,
-            address.place,
-            address.fields,
-            mark.source,
-            mark.boot_id,
-            mark.sequence,
-            mark.sent_ns,
-            sample.received_ns,
+            message, key, address.place, address.fields, source, boot_id, sequence, sent_ns, sample.received_ns
         )
 
-    def _refuse(self, reason: str, now_s: float) -> None:
+    def _refuse(self, reason: str) -> None:
         self._health.refused += 1
-        self._health.trouble("refused", f"refused: {reason[:300]}", now_s)
+        self._health.trouble("refused", f"refused: {reason[:300]}", self._clock.monotonic_s())

@@ -31,8 +31,7 @@ class UndeclaredTopicError(TopicError):
     """A service touched a topic that it does not declare."""
 
 
-@dataclass(frozen=True, slots=True)
-class Arrival(Generic[M_co]):
+class Arrival(Struct, Generic[M_co], frozen=True, gc=False):
     """A decoded message and where it came from."""
 
     message: M_co
@@ -49,8 +48,7 @@ class Arrival(Generic[M_co]):
     received_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(Struct, frozen=True, gc=False):
     """An undecoded publication."""
 
     key: str

@@ -41,16 +41,18 @@ class SequenceTracker:
         """Note one arrival and say what it is."""
         if boot_id != self.boot_id:
             return self._take_other_boot(boot_id, sequence)
-        if sequence <= self.newest:
+        skipped = sequence - self.newest - 1
+        if skipped == 0:
+            self.newest = sequence
+            self.received += 1
+            return Mark.NEXT
+        if skipped < 0:
             self.duplicated += 1
             return Mark.DUPLICATE
-        skipped = sequence - self.newest - 1
         self.newest = sequence
         self.received += 1
-        if skipped:
-            self.missing += skipped
-            return Mark.GAP
-        return Mark.NEXT
+        self.missing += skipped
+        return Mark.GAP
 
     def _take_other_boot(self, boot_id: str, sequence: int) -> Mark:
         if not self.boot_id:
