@@ -78,6 +78,11 @@ class Sink(Protocol):
         """Make what was taken safe."""
 
 
+def is_recordable(sample: Sample) -> bool:
+    """True unless the time of reception is one that MCAP cannot hold (before 1970, after 2554)."""
+    return 0 <= sample.received_ns < _UINT64
+
+
 def lay(sample: Sample) -> Laid:
     """Place of a sample in a file; `lift` undoes it exactly."""
     attached = sample.attachment
@@ -132,7 +137,7 @@ class RecordingWriter:
         Raises UnrecordableError for a time of reception that MCAP cannot hold and
         ChannelsExhaustedError when the file has no channel left; nothing is written then.
         """
-        if not 0 <= sample.received_ns < _UINT64:
+        if not is_recordable(sample):
             msg = f"{sample.key}: time of reception {sample.received_ns} ns cannot be recorded"
             raise UnrecordableError(msg)
         laid = lay(sample)
