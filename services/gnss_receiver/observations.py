@@ -20,12 +20,12 @@ class FileIssue:
 
     path: str
     line: int
-    """Counted from 1."""
+    """Counted from 1; 0 for the file as a whole."""
     text: str
 
     def __str__(self) -> str:
         """Path, line and what was wrong, as compilers print it."""
-        return f"{self.path}:{self.line}: {self.text}"
+        return f"{self.path}:{self.line}: {self.text}" if self.line else f"{self.path}: {self.text}"
 
 
 @dataclass(frozen=True, slots=True)

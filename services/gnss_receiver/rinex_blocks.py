@@ -44,6 +44,9 @@ def read_blocks(
         _report_events(lines, heads, length, log)
         return _blocks_3(lines, heads, observed, length, stretch, log)
     per_satellite = lines_per_satellite[stretch[heads.line]]
+    for index in np.flatnonzero(observed & (per_satellite == 0)).tolist():
+        observed[index] = False
+        log.add(int(lines.numbers[heads.line[index]]), "the epoch is left out, its observables are not known")
     return _blocks_2(lines, heads, observed, length, per_satellite, stretch, system, log)
 
 

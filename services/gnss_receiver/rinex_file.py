@@ -3,33 +3,45 @@
 from __future__ import annotations
 
 import gzip
+import io
 import warnings
 import zlib
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import hatanaka
 
+from services.gnss_receiver.observations import FileIssue
 from services.gnss_receiver.rinex_error import RinexError
 from services.gnss_receiver.rinex_header import COMPACT_VERSION, LABEL_AT
 
+MAX_BYTES = 4 << 30
+"""What unpacks to more is refused: it would not fit into the memory of a train's computer."""
 _GZIP, _LZW, _BZIP2, _ZIP = b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK\x03\x04"
+_CHUNK = 1 << 20
 
 
-def read_bytes(path: Path) -> bytes:
-    """Text of a RINEX file, unpacked: plain, gzip, compress (.Z), bzip2, zip or Hatanaka, by what it holds.
+@dataclass(frozen=True, slots=True)
+class Unpacked:
+    """Text of a file, and what its packing did not give."""
 
-    Raises RinexError when the packing is damaged, OSError when the file cannot be read.
+    content: bytes
+    issues: tuple[FileIssue, ...] = ()
+
+
+def read_bytes(path: Path) -> Unpacked:
+    """Text of a RINEX file: plain, gzip, compress (.Z), bzip2, zip or Hatanaka, by what it holds.
+
+    A gzip file that is cut short gives what is there. Raises RinexError when the packing is
+    damaged otherwise, OSError when the file cannot be read.
     """
     content = path.read_bytes()
-    if content.startswith(_GZIP):
-        try:
-            content = gzip.decompress(content)
-        except (OSError, EOFError, zlib.error) as error:
-            raise RinexError(str(path), 0, f"the gzip packing is damaged ({error}); get the file again") from error
-    if content.startswith((_LZW, _BZIP2, _ZIP)) or _is_compact(content):
-        content = _unpack(content, path)
-    return content
+    unpacked = _gunzip(content, path) if content.startswith(_GZIP) else Unpacked(content)
+    if unpacked.content.startswith((_LZW, _BZIP2, _ZIP)) or _is_compact(unpacked.content):
+        further = _unpack(unpacked.content, path)
+        return Unpacked(further.content, unpacked.issues + further.issues)
+    return unpacked
 
 
 def write_lines(path: Path, lines: Iterable[str]) -> None:
@@ -46,14 +58,36 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
         beside.unlink(missing_ok=True)
 
 
+def _gunzip(content: bytes, path: Path) -> Unpacked:
+    parts: list[bytes] = []
+    size = 0
+    with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
+        while True:
+            try:
+                chunk = stream.read(_CHUNK)
+            except EOFError:
+                return Unpacked(b"".join(parts), (FileIssue(str(path), 0, "the gzip packing is cut short"),))
+            except (OSError, zlib.error) as error:
+                raise RinexError(str(path), 0, f"the gzip packing is damaged ({error}); get the file again") from error
+            if not chunk:
+                return Unpacked(b"".join(parts))
+            parts.append(chunk)
+            size += len(chunk)
+            if size > MAX_BYTES:
+                raise RinexError(str(path), 0, f"it unpacks to more than {MAX_BYTES >> 30} GiB; split it")
+
+
 def _is_compact(content: bytes) -> bool:
     first = content[:200].split(b"\n", 1)[0].decode("ascii", errors="replace")
     return first[LABEL_AT:].strip() == COMPACT_VERSION
 
 
-def _unpack(content: bytes, path: Path) -> bytes:
-    with warnings.catch_warnings(record=True):
+def _unpack(content: bytes, path: Path) -> Unpacked:
+    """What the library unpacks; what it says about epochs that it had to skip become issues."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
         try:
-            return bytes(hatanaka.decompress(content))
-        except (hatanaka.HatanakaException, ValueError, OSError, EOFError) as error:
+            plain = hatanaka.decompress(content, skip_strange_epochs=True)
+        except (hatanaka.HatanakaException, ValueError, OSError, EOFError, zlib.error) as error:
             raise RinexError(str(path), 0, f"it cannot be unpacked ({error}); get the file again") from error
+    return Unpacked(plain, tuple(FileIssue(str(path), 0, " ".join(str(warning.message).split())) for warning in said))

@@ -146,7 +146,11 @@ def read_observables(records: Iterable[Record], before: Observables, log: IssueL
     for group in _grouped(records):
         line, first = group[0]
         label = label_of(first)
-        if label == TYPES_2:
+        if label in {TYPES_2, TYPES_3} and not first[:6].strip():
+            # A continuation without its first line: what it continues is not known, nor what the columns are.
+            log.add(line, f"the first line of these {label!r} is missing; what they describe cannot be read")
+            types = {system: codes for system, codes in types.items() if system not in before.types}
+        elif label == TYPES_2:
             codes = _codes_2([text for _, text in group], line, log)
             types.update(dict.fromkeys(SYSTEMS, codes))
         elif label == TYPES_3 and first[0] in SYSTEMS:

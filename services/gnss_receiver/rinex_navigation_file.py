@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from services.gnss_receiver.observations import Navigation
@@ -18,7 +19,9 @@ def read_navigation(paths: Sequence[Path]) -> Navigation:
     in a thread from asyncio code.
     Raises RinexError when one is no such file, OSError when it cannot be read.
     """
-    return parse_navigation((str(path), read_bytes(path)) for path in paths)
+    unpacked = [read_bytes(path) for path in paths]
+    navigation = parse_navigation((str(path), file.content) for path, file in zip(paths, unpacked, strict=True))
+    return replace(navigation, issues=tuple(issue for file in unpacked for issue in file.issues) + navigation.issues)
 
 
 def write_navigation(path: Path, navigation: Navigation) -> None:

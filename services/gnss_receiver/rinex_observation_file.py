@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from schemas.gnss import Epoch
@@ -19,7 +20,9 @@ def read_observations(path: Path, *, progress: Callable[[float], None] | None = 
     `progress` gets the fraction done, rising to 1. Blocks: call it in a thread from asyncio code.
     Raises RinexError when it is no such file, OSError when it cannot be read.
     """
-    return parse_observations(read_bytes(path), str(path), progress)
+    unpacked = read_bytes(path)
+    observations = parse_observations(unpacked.content, str(path), progress)
+    return replace(observations, issues=unpacked.issues + observations.issues)
 
 
 def write_observations(

@@ -162,7 +162,9 @@ def _runs(records: list[Record]) -> list[list[Record]]:
 
 
 def _lines_per_satellite(stretches: list[Observables]) -> Ints:
-    return np.array([math.ceil(len(stretch.types[SYSTEMS[0]]) / FIELDS_PER_LINE_2) for stretch in stretches], np.int64)
+    return np.array(
+        [math.ceil(len(stretch.types.get(SYSTEMS[0], ())) / FIELDS_PER_LINE_2) for stretch in stretches], np.int64
+    )
 
 
 def _report_missing(body: Lines, records: Records, layout: Layout, log: IssueLog) -> None:
