@@ -1,0 +1,53 @@
+"""Where a host keeps state and compiled kernels."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping, MutableMapping
+from pathlib import Path
+
+VARIABLE = "KIROTEI_STATE_DIR"
+"""Environment variable by which the runtime tells its services where state is kept."""
+
+
+def state_dir(environment: Mapping[str, str], configured: str | None = None) -> Path:
+    """Folder for state: as configured, as handed on, as systemd gives it, or the user's own.
+
+    `$STATE_DIRECTORY` is what systemd makes for `StateDirectory=`; the last resort is
+    `$XDG_STATE_HOME/kirotei` (XDG Base Directory 0.8), by default ~/.local/state/kirotei.
+    Nothing is created.
+    """
+    if configured:
+        return Path(configured).expanduser()
+    if environment.get(VARIABLE):
+        return Path(environment[VARIABLE])
+    if environment.get("STATE_DIRECTORY"):
+        return Path(environment["STATE_DIRECTORY"].split(":")[0])
+    if environment.get("XDG_STATE_HOME"):
+        return Path(environment["XDG_STATE_HOME"]) / "kirotei"
+    return Path(environment["HOME"] if environment.get("HOME") else "/var/lib") / ".local" / "state" / "kirotei"
+
+
+def prepare(state: Path, environment: MutableMapping[str, str]) -> str | None:
+    """Make the state folder and let numba keep compiled kernels in it; returns a warning, or None.
+
+    Must come before numba is imported. Where the folder cannot be written, kernels go into
+    a fresh temporary folder (compiled code is never read from a folder that others can
+    write), and the warning says so. A `NUMBA_CACHE_DIR` set by the user is kept.
+    """
+    environment[VARIABLE] = str(state)
+    if environment.get("NUMBA_CACHE_DIR"):
+        return None
+    kernels = state / "kernels"
+    try:
+        kernels.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        problem = f"cannot make {kernels}: {error.strerror}"
+    else:
+        if os.access(kernels, os.W_OK | os.X_OK):
+            environment["NUMBA_CACHE_DIR"] = str(kernels)
+            return None
+        problem = f"cannot write to {kernels}"
+    environment["NUMBA_CACHE_DIR"] = tempfile.mkdtemp(prefix="kirotei-kernels-")
+    return f"{problem}; state is not kept and kernels are compiled anew at every start (set `state_dir`)"

@@ -1,0 +1,234 @@
+"""`kirotei up`: the router and the services of a profile as child processes, kept running."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import NoReturn, TextIO
+
+from services.runtime.catalogue import load_service, service_name
+from services.runtime.child_output import OutputStyle
+from services.runtime.child_process import Child, ChildPlan, start_child
+from services.runtime.config import ConfigError, Profile
+from services.runtime.logging import Logger, configure, wants_colour, wants_json
+from services.runtime.process_end import StopSignals, end_process
+from services.runtime.restart_policy import RestartPolicy, exit_words
+from services.runtime.state_dir import prepare, state_dir
+
+STOP_S = 2.5
+"""Services that have not ended by then are killed."""
+ROUTER_STOP_S = 0.5
+HARD_EXIT_S = 4.0
+ROUTER = "router"
+
+
+def run_supervisor(profile: Profile, plans: tuple[ChildPlan, ...] | None = None) -> NoReturn:
+    """Run everything until asked to stop or all is done, and end the process.
+
+    Exit code 0 after a clean stop or when every service has done its work, 1 when the
+    configuration is bad or the router cannot open. `plans` replaces the profile's services.
+    """
+    stream = sys.stdout
+    json = wants_json(profile.host.log, stream)
+    colour = not json and wants_colour(os.environ, stream)
+    log = configure(profile.host.log, stream, colour=colour, service="supervisor")
+    warning = prepare(state_dir(os.environ, profile.host.state_dir), os.environ)
+    if warning:
+        log.warning("state_not_kept", text=warning)
+    if plans is None:
+        problems = profile_problems(profile)
+        if problems:
+            sys.stderr.write("\n".join(problems) + "\n")
+            end_process(1)
+        plans = plans_of(profile)
+    style = OutputStyle(json, colour, max((len(plan.name) for plan in plans), default=0))
+    environment = {**os.environ, "KIROTEI__LOG__FORMAT": "json" if json else "text"}
+    if colour:
+        environment["FORCE_COLOR"] = "1"
+    supervisor = Supervisor(profile, plans, environment, style, stream, log)
+    end_process(asyncio.Runner().run(supervisor.run()), stream)
+
+
+def profile_problems(profile: Profile) -> list[str]:
+    """Everything that is wrong with the settings of the profile's services; imports them."""
+    problems: list[str] = []
+    for instance in profile.instances():
+        try:
+            profile.service_config(instance, load_service(service_name(instance)))
+        except ConfigError as error:
+            problems += error.problems
+    return problems
+
+
+def plans_of(profile: Profile) -> tuple[ChildPlan, ...]:
+    """Command of every service of the profile."""
+    config = () if profile.path is None else ("--config", str(profile.path))
+    # -P: a folder named `services` where the user stands must not come first.
+    python = (sys.executable, "-P", "-m", "services.cli", "run")
+    return tuple(ChildPlan(instance, (*python, instance, *config)) for instance in profile.host.services)
+
+
+def router_plan(profile: Profile) -> ChildPlan:
+    """Command of the embedded router."""
+    config = () if profile.path is None else (str(profile.path),)
+    command = (sys.executable, "-P", "-m", "services.runtime.router_process", *config)
+    return ChildPlan(ROUTER, command, for_ever=True)
+
+
+@dataclass(slots=True)
+class Supervisor:
+    """Starts, watches, restarts and stops a router and services."""
+
+    profile: Profile
+    plans: tuple[ChildPlan, ...]
+    environment: Mapping[str, str]
+    style: OutputStyle
+    stream: TextIO
+    log: Logger
+    clock_s: Callable[[], float] = time.monotonic
+    _children: dict[str, Child] = field(default_factory=dict)
+    _waiting: set[str] = field(default_factory=set)
+    """Names that have not yet been ready or done."""
+    _stop: asyncio.Event = field(default_factory=asyncio.Event)
+    _router_settled: asyncio.Event = field(default_factory=asyncio.Event)
+    """It listens, or everything stops."""
+    _code: int = 0
+
+    async def run(self) -> int:
+        """Exit code, once everything has ended."""
+        loop = asyncio.get_running_loop()
+        StopSignals(lambda: loop.call_soon_threadsafe(self._request_stop), HARD_EXIT_S)
+        loop.add_signal_handler(signal.SIGHUP, self._request_stop)
+        self._waiting = {plan.name for plan in self.plans}
+        async with asyncio.TaskGroup() as group:
+            router = await self._start_router(group)
+            services = [group.create_task(self._keep(plan), name=plan.name) for plan in self.plans]
+            if not self._stop.is_set():
+                await self._until_stopped_or_done(services)
+            self._request_stop()
+            await self._stop_children(services, STOP_S)
+            if router is not None:
+                await self._stop_children([router], ROUTER_STOP_S)
+        self.log.info("stopped")
+        return self._code
+
+    async def _start_router(self, group: asyncio.TaskGroup) -> asyncio.Task[None] | None:
+        """Task that keeps the router, once it listens or could not; None where none is wanted."""
+        if not self.profile.host.router.enabled:
+            return None
+        self._waiting.add(ROUTER)
+        router = group.create_task(self._keep(router_plan(self.profile)), name=ROUTER)
+        await self._router_settled.wait()
+        return router
+
+    async def _until_stopped_or_done(self, services: list[asyncio.Task[None]]) -> None:
+        async with asyncio.TaskGroup() as group:
+            stop = group.create_task(self._stop.wait(), name="stop")
+            left = set(services)
+            while left and not stop.done():
+                done, _ = await asyncio.wait({stop, *left}, return_when=asyncio.FIRST_COMPLETED)
+                left -= done
+            if not left and services and not stop.done():
+                self.log.info("all_done")
+            elif not services:
+                await stop
+            stop.cancel()
+
+    async def _keep(self, plan: ChildPlan) -> None:
+        """Keep one process running until it is done or everything stops."""
+        policy = RestartPolicy(restart_when_done=plan.for_ever)
+        while not self._stop.is_set():
+            child = await start_child(plan, self.environment, self.profile.host.life.watchdog_s, self.clock_s)
+            self._children[plan.name] = child
+            self.log.info("started", child=plan.name, pid=child.pid)
+            async with asyncio.TaskGroup() as group:
+                watching = group.create_task(self._watch(child), name=f"watch {plan.name}")
+                code = await child.ended(self._emit)
+                watching.cancel()
+            del self._children[plan.name]
+            if self._stop.is_set():
+                return
+            since_s = child.listener.ready_at_s
+            ready_for_s = None if since_s is None else self.clock_s() - since_s
+            if plan.name == ROUTER and ROUTER in self._waiting:
+                self.log.error("router_cannot_open", text=exit_words(code))
+                self._code = 1
+                self._request_stop()
+                return
+            wait_s = policy.after_exit(code, ready_for_s)
+            if wait_s is None:
+                self.log.info("done", child=plan.name)
+                self._arrived(plan.name)
+                return
+            self.log.warning(
+                "restarting", child=plan.name, ended=exit_words(code), in_s=wait_s, restarts=policy.restarts
+            )
+            with suppress(TimeoutError):
+                async with asyncio.timeout(wait_s):
+                    await self._stop.wait()
+
+    async def _watch(self, child: Child) -> None:
+        """Tell when a child is ready, and kill it when it gives no sign of life any more."""
+        await child.listener.ready.wait()
+        self._arrived(child.plan.name)
+        limit_s = self.profile.host.life.watchdog_s
+        while True:
+            left_s = child.listener.sign_of_life_s + limit_s - self.clock_s()
+            if left_s <= 0.0:
+                break
+            await asyncio.sleep(left_s)
+        self.log.error("watchdog_killed", child=child.plan.name, text=f"no sign of life for {limit_s:g} s")
+        child.kill()
+
+    def _request_stop(self) -> None:
+        self._stop.set()
+        self._router_settled.set()
+
+    def _arrived(self, name: str) -> None:
+        if name == ROUTER:
+            self._router_settled.set()
+        if name not in self._waiting:
+            return
+        self._waiting.discard(name)
+        if not self._waiting and not self._stop.is_set():
+            self._announce()
+
+    def _announce(self) -> None:
+        host = self.profile.host
+        endpoint = (host.router.listen if host.router.enabled else host.bus.connect)[0]
+        command = (
+            f"zenoh --mode client --connect {endpoint} subscribe -k 'kirotei/v1/{host.place.line}/**' "
+            "--decoder kirotei --line '{key} {value}'"
+        )
+        self.log.info("all_ready", running=[plan.name for plan in self.plans], at=str(host.place.place()))
+        if not self.style.json:
+            self._write(f"\n  Running at {host.place.place()}: {', '.join(plan.name for plan in self.plans)}")
+            self._write(f"  Watch:      kirotei watch --connect {endpoint} --line {host.place.line}")
+            self._write(f"  Subscribe:  {command}")
+            self._write("  Stop:       Ctrl-C\n")
+
+    async def _stop_children(self, keepers: list[asyncio.Task[None]], within_s: float) -> None:
+        names = {task.get_name() for task in keepers}
+        for name in names & self._children.keys():
+            self._children[name].terminate()
+        if keepers:
+            await asyncio.wait(keepers, timeout=within_s)
+        for name in names & self._children.keys():
+            self.log.warning("killed", child=name, text=f"did not end within {within_s:g} s")
+            self._children[name].kill()
+
+    def _emit(self, name: str, line: bytes, *, error: bool) -> None:
+        self._write(self.style.dressed(name, line, error=error))
+
+    def _write(self, text: str) -> None:
+        try:
+            self.stream.write(text + "\n")
+            self.stream.flush()
+        except (BrokenPipeError, ValueError):  # whoever read this has gone: nobody watches any more
+            self._request_stop()

@@ -1,0 +1,201 @@
+"""`kirotei watch`: reads fixes, truth and health off the bus and shows them in the terminal."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import secrets
+import sys
+from contextlib import suppress
+from typing import NoReturn
+
+import msgspec
+from rich.console import Console
+from rich.live import Live
+
+from schemas.gnss import Fix
+from schemas.health import Health
+from schemas.message import Message
+from schemas.position import TrainTruth
+from schemas.topics import GNSS_COMPARISON, GNSS_FIX, HEALTH, TRAIN_TRUTH, Place, TopicError
+from services.runtime.clock import LiveClock
+from services.runtime.host_config import BusConfig, Settings
+from services.runtime.node import Arrival, Node, Service
+from services.runtime.process_end import StopSignals, end_process
+from services.runtime.watch_state import WatchState
+from services.runtime.watch_view import fix_status, plain_lines, render, service_level
+from services.runtime.watch_words import Language
+from services.runtime.zenoh_node import ZenohNode
+
+DRAW_S = 0.25
+LINE_S = 1.0
+ONCE_LISTEN_S = 2.5
+"""After the first arrival, `--once` listens this long: truth and the second health report come too."""
+ONCE_LIMIT_S = 10.0
+
+
+class WatchConfig(Settings, frozen=True, kw_only=True):
+    """How the view looks."""
+
+    language: Language = "en"
+
+
+async def _run(node: Node, config: WatchConfig) -> None:
+    """Draw until stopped: a full screen on a terminal, else a line per method and second."""
+    state = WatchState(node.place.line)
+    console = Console()
+    async with asyncio.TaskGroup() as group:
+        reading = group.create_task(read_into(state, node), name="read")
+        node.ready()
+        if console.is_terminal:
+            with Live(console=console, screen=True, auto_refresh=False) as live:
+                while await node.sleep(DRAW_S):
+                    live.update(render(state, node.clock.monotonic_s(), config.language), refresh=True)
+        else:
+            while await node.sleep(LINE_S):
+                for line in plain_lines(state, node.clock.monotonic_s(), config.language):
+                    console.print(line, markup=False, highlight=False, soft_wrap=True)
+        reading.cancel()
+
+
+WATCH = Service(
+    "watch",
+    WatchConfig,
+    reads=(GNSS_FIX, GNSS_COMPARISON, TRAIN_TRUTH, HEALTH),
+    writes=(),
+    run=_run,
+    about="shows trains and services in a terminal",
+)
+
+
+async def read_into(state: WatchState, node: Node) -> None:
+    """Take everything heard on the line into the state, until stopped."""
+    async for arrival in node.arrivals(GNSS_FIX, GNSS_COMPARISON, TRAIN_TRUTH, HEALTH, anywhere=True):
+        take(state, arrival, node.clock.monotonic_s())
+
+
+def take(state: WatchState, arrival: Arrival[Message], now_s: float) -> None:
+    """Take one arrival into the state."""
+    delay_s = (arrival.received_ns - arrival.sent_ns) / 1e9 if arrival.source else 0.0
+    match arrival.message:
+        case Fix() as fix:
+            primary = "method" not in arrival.fields
+            state.take_fix(
+                arrival.place.name, arrival.fields["device"], fix, primary=primary, heard_s=now_s, delay_s=delay_s
+            )
+        case TrainTruth() as truth:
+            state.take_truth(arrival.place.name, arrival.fields["device"], truth, now_s)
+        case Health() as health:
+            state.take_health(arrival.source or f"{arrival.place}/{health.service}", health, now_s, delay_s)
+        case _:
+            return
+
+
+def run_watch(endpoint: str, line: str, *, once: bool, language: Language, as_json: bool) -> NoReturn:
+    """View a line through a router until Ctrl-C, or once; ends the process.
+
+    Exit code 0, 1 when `once` heard nothing in ten seconds, 2 for a line or endpoint that cannot be.
+    """
+    try:
+        place = Place(line, "cloud", "viewers")
+        bus = msgspec.convert({"connect": [endpoint]}, BusConfig)
+    except (TopicError, msgspec.ValidationError) as error:
+        sys.stderr.write(f"kirotei watch: {error}\n")
+        end_process(2)
+    code = 1
+    try:
+        code = asyncio.Runner().run(_view(place, bus, once=once, language=language, as_json=as_json))
+    except BrokenPipeError:
+        code = 0
+    end_process(code)
+
+
+async def _view(place: Place, bus: BusConfig, *, once: bool, language: Language, as_json: bool) -> int:
+    loop = asyncio.get_running_loop()
+    stop = asyncio.Event()
+    StopSignals(lambda: loop.call_soon_threadsafe(stop.set))
+    instance = f"watch@{os.getpid()}-{secrets.token_hex(2)}"
+    where = ", ".join(bus.connect)
+    if not once:
+        sys.stderr.write(f"kirotei watch: connecting to {where} (Ctrl-C ends)\n")
+    async with asyncio.TaskGroup() as group:
+        asked = group.create_task(stop.wait(), name="stop signal")
+        opening = group.create_task(ZenohNode.open(WATCH, place, instance, LiveClock(), bus), name="open")
+        await asyncio.wait(
+            {asked, opening}, timeout=ONCE_LIMIT_S if once else None, return_when=asyncio.FIRST_COMPLETED
+        )
+        if not opening.done():
+            opening.cancel()
+            asked.cancel()
+            if not stop.is_set():
+                sys.stderr.write(f"kirotei watch: no router at {where} within {ONCE_LIMIT_S:g} s\n")
+            return 0 if stop.is_set() else 1
+        node = opening.result()
+        try:
+            if once:
+                return await _show_once(node, language, as_json=as_json)
+            work = group.create_task(_run(node, WatchConfig(language=language)), name="watch")
+            await asyncio.wait({asked, work}, return_when=asyncio.FIRST_COMPLETED)
+            node.stop()
+            await asyncio.wait({work})
+            return 0
+        finally:
+            asked.cancel()
+            await node.close()
+
+
+async def _show_once(node: ZenohNode, language: Language, *, as_json: bool) -> int:
+    state = WatchState(node.place.line)
+    async with asyncio.TaskGroup() as group:
+        reading = group.create_task(read_into(state, node), name="read")
+        with suppress(TimeoutError):
+            async with asyncio.timeout(ONCE_LIMIT_S):
+                while not (state.devices or state.services) and await node.sleep(DRAW_S):
+                    pass
+                await node.sleep(ONCE_LISTEN_S)
+        reading.cancel()
+    now_s = node.clock.monotonic_s()
+    if not (state.devices or state.services):
+        sys.stderr.write(f"kirotei watch: nothing heard on line {node.place.line} within {ONCE_LIMIT_S:g} s\n")
+        return 1
+    if as_json:
+        sys.stdout.write(json.dumps(summary(state, now_s), indent=2, ensure_ascii=False) + "\n")
+    else:
+        Console().print(render(state, now_s, language))
+    return 0
+
+
+def summary(state: WatchState, now_s: float) -> dict[str, object]:
+    """What `--once --json` prints."""
+    fixes = [
+        {
+            "train": device.train,
+            "device": device.device,
+            "method": row.method,
+            "primary": row.primary,
+            "status": fix_status(row, now_s),
+            "age_s": row.age_s(now_s),
+            "lat_deg": row.fix.lat_deg if row.fix else None,
+            "lon_deg": row.fix.lon_deg if row.fix else None,
+            "error_m": row.error_m,
+            "mean_error_m": row.mean_m(),
+            "error_95_m": row.quantile_m(0.95),
+        }
+        for device in state.devices.values()
+        for row in device.ordered()
+    ]
+    services = [
+        {
+            "source": view.source,
+            "level": service_level(view, now_s),
+            "boot_id": view.health.boot_id,
+            "age_s": view.age_s(now_s),
+            "rate_hz": view.rate_hz,
+            "missing": view.missing(),
+            "restarts": view.restarts,
+            "reasons": list(view.health.reasons),
+        }
+        for view in state.services.values()
+    ]
+    return {"line": state.line, "fixes": fixes, "services": services}
