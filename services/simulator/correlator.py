@@ -31,6 +31,8 @@ class Composite:
     """Excess of the strongest path, plus what the others turn the sum."""
     carrier_rate_hz: Floats
     """How fast that grows."""
+    path_rate_hz: Floats
+    """How fast the strongest path alone grows."""
     amplitude: Floats
     """Of the sum; 1 for a direct path alone."""
 
@@ -64,6 +66,7 @@ def composite(
         code_error_chips=_root(weight, delay_chips, at_chips[:, 0], spacing_chips),
         carrier_excess_cycles=at_cycles[:, 0] - np.angle(total) / (2 * np.pi),
         carrier_rate_hz=(turning * np.conj(total)).real / np.maximum(np.abs(total) ** 2, 1e-12),
+        path_rate_hz=at_hz[:, 0],
         amplitude=np.abs(total),
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.gnss_correction.atmosphere import L1_HZ, LIGHT_MPS
-from services.simulator.correlator import composite
+from services.simulator.correlator import Composite, composite
 from services.simulator.paths import DIRECT, Paths
 from services.simulator.scenario import Receiver
 from services.simulator.sky import Arrivals
@@ -74,6 +74,7 @@ class ReceiverChannels:
         self._power_db = receiver.cn0_satellite_sigma_db * generator.standard_normal(satellites)
         self._present_since_s = np.full(satellites, np.nan)
         self._facade = np.full(satellites, NONE)
+        self._rate_hz = np.zeros(satellites)
         self._code_error_m = np.zeros(satellites)
         self._ambiguity = np.zeros(satellites)
         self._started = False
@@ -121,14 +122,19 @@ class ReceiverChannels:
         loss_db = 20 * np.log10(np.maximum(heard.amplitude, 1e-6))
         cn0 = self.open_cn0_dbhz(satellite, arrivals.elevation_rad[satellite]) + loss_db
         present = (paths.amplitude > 0).any(axis=1) & (cn0 >= r.tracking_threshold_dbhz)
-        tracked = self._present_long_enough(now_s, satellite, present)
         facade = np.take_along_axis(paths.facade, paths.amplitude.argmax(axis=1)[:, None], axis=1)[:, 0]
-        fresh = tracked & (self._facade[satellite] == NONE)
-        cut = tracked & (self._facade[satellite] != facade)
+        other = self._facade[satellite] != facade
+        # A frequency loop pulls in half the inverse of its integration time (Kaplan and Hegarty 2017, 8.3).
+        jumped = np.abs(heard.path_rate_hz - self._rate_hz[satellite]) > 0.5 / r.integration_s
+        torn = other & jumped & (self._facade[satellite] != NONE)
+        tracked = self._present_long_enough(now_s, satellite, present, torn)
+        fresh = tracked & ((self._facade[satellite] == NONE) | torn)
+        cut = tracked & other
         self._ambiguity[satellite[cut]] = ambiguity[cut]
-        self._follow_code(satellite, heard.code_error_chips * CHIP_M, cn0, noise[:, 0], fresh)
+        self._follow_code(satellite, heard, cn0, noise[:, 0], fresh)
         self._facade[:] = NONE
         self._facade[satellite[tracked]] = facade[tracked]
+        self._rate_hz[satellite] = heard.path_rate_hz
         who = satellite[tracked]
         carrier = heard.carrier_excess_cycles + self._ambiguity[satellite]
         carrier += r.noise_scale * noise[:, 1] * carrier_noise_cycles(cn0, r.carrier_loop_bandwidth_hz, r.integration_s)
@@ -145,24 +151,29 @@ class ReceiverChannels:
             code_error_m=self._code_error_m[who],
         )
 
-    def _present_long_enough(self, now_s: float, satellite: Indices, present: Bools) -> Bools:
-        """Who has been there for the reacquisition time; everyone at the very first epoch."""
+    def _present_long_enough(self, now_s: float, satellite: Indices, present: Bools, torn: Bools) -> Bools:
+        """Who has been there, on a path that could be followed, for the reacquisition time.
+
+        Everyone who is there at the very first epoch is tracked at once.
+        """
         since = np.full(len(self._facade), np.nan)
         came = self._present_since_s[satellite]
         began_s = now_s if self._started else -np.inf
-        since[satellite] = np.where(present, np.where(np.isnan(came), began_s, came), np.nan)
+        since[satellite] = np.where(present, np.where(np.isnan(came) | torn, began_s, came), np.nan)
         self._present_since_s, self._started = since, True
         return np.asarray(present & (now_s - since[satellite] >= self._receiver.reacquisition_s))
 
-    def _follow_code(self, satellite: Indices, target_m: Floats, cn0: Floats, normal: Floats, fresh: Bools) -> None:
-        """One step of the code loops: first order, time constant 1 / (4 B), driven by paths and noise.
+    def _follow_code(self, satellite: Indices, heard: Composite, cn0: Floats, normal: Floats, fresh: Bools) -> None:
+        """One step of the code loops, aided by the carrier.
 
-        The driving noise is scaled so that the loop's own jitter is `code_noise_m`.
+        How fast the tracked path grows is followed at once; towards the rest the loop goes with the
+        time constant 1 / (4 B). The noise that drives it gives it a jitter of `code_noise_m`.
         """
         r = self._receiver
+        target_m = heard.code_error_chips * CHIP_M
         gain = 1 - np.exp(-4 * r.code_loop_bandwidth_hz * r.interval_s)
         sigma = code_noise_m(cn0, r.correlator_spacing_chips, r.code_loop_bandwidth_hz, r.integration_s)
         noise = r.noise_scale * sigma * normal
-        before = self._code_error_m[satellite]
-        driven = before + gain * (target_m - before) + np.sqrt(gain * (2 - gain)) * noise
+        aided = self._code_error_m[satellite] + heard.path_rate_hz * WAVELENGTH_M * r.interval_s
+        driven = aided + gain * (target_m - aided) + np.sqrt(gain * (2 - gain)) * noise
         self._code_error_m[satellite] = np.where(fresh, target_m + noise, driven)

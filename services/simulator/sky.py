@@ -18,7 +18,7 @@ from services.simulator.scenario import Sky
 
 Floats = NDArray[np.float64]
 TRAVEL_S = 0.075
-"""First guess of a signal's travel time: off by 10 ms, the distance it gives is off by 20 micrometres."""
+"""First guess of a signal's travel time: off by 10 ms, the final distance is off by 20 micrometres."""
 
 
 @dataclass(frozen=True, slots=True)

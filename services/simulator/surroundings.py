@@ -125,13 +125,12 @@ class Surroundings:
         offset = position_m[:2] - centre
         ahead_m = (normal * offset).sum(axis=1) - depth
         towards = direction[:, :2] @ normal.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            length_m = ahead_m / towards
-            tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-            sideways = (tangent * offset).sum(axis=1) + length_m * (direction[:, :2] @ tangent.T)
-            height = position_m[2] + length_m * direction[:, 2:]
-            found = (ahead_m > SKIN_M) & (towards > GRAZING) & (reflectivity > 0)
-            found &= (np.abs(sideways) < width) & (height > bottom) & (height < top)
+        length_m = ahead_m / np.where(towards > GRAZING, towards, 1.0)
+        tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+        sideways = (tangent * offset).sum(axis=1) + length_m * (direction[:, :2] @ tangent.T)
+        height = position_m[2] + length_m * direction[:, 2:]
+        found = (ahead_m > SKIN_M) & (towards > GRAZING) & (reflectivity > 0)
+        found &= (np.abs(sideways) < width) & (height > bottom) & (height < top)
         satellite, wall = np.nonzero(found)
         spot = position_m + length_m[satellite, wall, None] * direction[satellite]
         spot[:, :2] -= (2 * ahead_m[wall] - SKIN_M)[:, None] * normal[wall]
