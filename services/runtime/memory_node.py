@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from schemas.codec import encode
 from schemas.message import Message
-from schemas.topics import TABLE, Delivery, Place, Topic, TopicTable
+from schemas.topics import TABLE, Delivery, Place, Topic, TopicError, TopicTable
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
@@ -30,9 +30,10 @@ EVENT_CACHE = 1000
 class MemoryBus:
     """Hands every publication to every inbox whose key expression matches."""
 
-    def __init__(self, table: TopicTable = TABLE) -> None:
-        """Make an empty bus with the given topics."""
+    def __init__(self, table: TopicTable = TABLE, on_publish: Callable[[Sample], None] | None = None) -> None:
+        """Make an empty bus with the given topics. `on_publish` hears what nodes publish, not what is `put`."""
         self.table = table
+        self._on_publish = on_publish
         self._inboxes: list[tuple[tuple[str, ...], Inbox]] = []
         self._state: dict[str, Sample] = {}
         self._events: deque[Sample] = deque(maxlen=EVENT_CACHE)
@@ -44,8 +45,14 @@ class MemoryBus:
         self._boots[source] = self._boots.get(source, 0) + 1
         return f"boot-{self._boots[source]}"
 
+    def publish(self, sample: Sample, delivery: Delivery) -> None:
+        """Deliver one publication of a node."""
+        if self._on_publish is not None:
+            self._on_publish(sample)
+        self.put(sample, delivery)
+
     def put(self, sample: Sample, delivery: Delivery) -> None:
-        """Deliver one publication."""
+        """Deliver one publication that comes from elsewhere."""
         if delivery is Delivery.STATE:
             self._state[sample.key] = sample
         elif delivery in (Delivery.EVENT, Delivery.KEPT):
@@ -108,13 +115,27 @@ class MemoryNode:
         if type(message) is not topic.message:
             msg = f"{topic.template} carries {topic.schema_name}, not {type(message).__name__}"
             raise TypeError(msg)
-        key = topic.at(self.place, **fields)
+        self._send(topic.at(self.place, **fields), encode(message), topic.delivery)
+
+    async def publish_encoded(self, key: str, payload: bytes) -> None:
+        """Put an encoded message on a concrete key, whatever its place; for replays.
+
+        Raises UndeclaredTopicError, and TopicError when no topic has the key.
+        """
+        address = self._bus.table.find(key)
+        if address is None:
+            msg = f"no topic has the key {key}"
+            raise TopicError(msg)
+        self._service.require_write(address.topic)
+        self._send(key, payload, address.topic.delivery)
+
+    def _send(self, key: str, payload: bytes, delivery: Delivery) -> None:
         sequence = self._sequences.get(key, 0)
         self._sequences[key] = sequence + 1
         now_ns = self.clock.now_ns()
         attachment = encode_attachment(Attachment(self.source, self.boot_id, sequence, now_ns))
         self.health.published += 1
-        self._bus.put(Sample(key, encode(message), attachment, now_ns), topic.delivery)
+        self._bus.publish(Sample(key, payload, attachment, now_ns), delivery)
 
     def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Any]:
         """Messages with their senders; see `Node.arrivals`."""
