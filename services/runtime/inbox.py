@@ -70,6 +70,15 @@ class Inbox:
         """Count, from any thread, what is not even worth queueing."""
         self._call(lambda: self._refuse(reason))
 
+    def count_lost(self, what: str, amount: int) -> None:
+        """Count, from any thread, publications that no sender keeps any more."""
+
+        def count() -> None:
+            self._health.count("lost", amount)
+            self._health.trouble("lost", f"{amount} lost for good on {what}", self._clock.monotonic_s())
+
+        self._call(count)
+
     @property
     def crowded(self) -> bool:
         """More than half full: a transport that can wait should let the reader have its turn."""

@@ -1,0 +1,237 @@
+"""A service's node on a network: sessions of Zenoh behind the port that services know."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import threading
+from collections.abc import AsyncIterator, Callable
+from typing import Any, Self, TypeVar
+
+import zenoh
+
+from schemas.codec import encode
+from schemas.message import Message
+from schemas.topics import TABLE, Delivery, Place, Topic
+from services.runtime.alive import AliveChange, Token, tokens_anywhere
+from services.runtime.clock import Clock
+from services.runtime.health import HealthBoard
+from services.runtime.host_config import BusConfig
+from services.runtime.inbox import DEFAULT_CAPACITY, Inbox, messages_of
+from services.runtime.node import Sample, Service
+from services.runtime.zenoh_liveliness import AliveWatch, IdentityTakenError, claim
+from services.runtime.zenoh_publishers import Outlet, Sender, declare
+from services.runtime.zenoh_session import close_session, open_session
+from services.runtime.zenoh_subscriptions import Subscription
+
+__all__ = ["IdentityTakenError", "ZenohNode"]
+
+T = TypeVar("T")
+EVENT_CAPACITY = 65_536
+"""Inbox of a reader of EVENT or KEPT: room for what the publishers of a line have kept for late readers."""
+FLUSH_S = 0.8
+"""How long closing waits for EVENT and KEPT publications that the link has not taken yet."""
+CLOSE_S = 0.7
+"""How long it waits for Zenoh itself; together less than a process has for its end."""
+
+
+class ZenohNode:
+    """One service's access to the bus. Make it with `open`, end it with `close`."""
+
+    def __init__(
+        self, session: zenoh.Session, service: Service[Any], place: Place, instance: str, clock: Clock, boot_id: str
+    ) -> None:
+        """Take over an open session. Needs a running loop."""
+        self._session = session
+        self._service = service
+        self.place = place
+        self.instance = instance
+        self.clock = clock
+        self.source = f"{place}/{instance}"
+        self.boot_id = boot_id
+        self.health = HealthBoard(instance, boot_id, clock.monotonic_s())
+        self._ready = asyncio.Event()
+        self._stop = asyncio.Event()
+        self._declaring = asyncio.Lock()
+        self._outlets: dict[tuple[Topic[Any], tuple[tuple[str, str], ...]], Outlet] = {}
+        self._outlets_by_key: dict[str, Outlet] = {}
+        self._sender = Sender(instance, self._note_unsent)
+        self._inboxes: list[Inbox] = []
+        self._subscriptions: list[Subscription] = []
+        self._watches: list[AliveWatch] = []
+        self._token: zenoh.LivelinessToken | None = None
+
+    @classmethod
+    async def open(
+        cls,
+        service: Service[Any],
+        place: Place,
+        instance: str,
+        clock: Clock,
+        bus: BusConfig,
+        *,
+        on_waiting: Callable[[str], None] | None = None,
+        announced: bool = True,
+    ) -> Self:
+        """Node of a service, as soon as a router answers and the service's identity is free.
+
+        `on_waiting` is called after each vain attempt to reach a router, with the reason.
+        `announced=False` is for onlookers that may run many times at once, `kirotei watch`: no
+        identity, no token. Raises IdentityTakenError, BusConfigError; can be cancelled.
+        """
+        session = await open_session(bus, on_waiting)
+        try:
+            own = Token(place, instance, secrets.token_hex(6))
+            token = await claim(session, own, clock) if announced else None
+            node = cls(session, service, place, instance, clock, own.boot_id)
+        except BaseException:
+            await asyncio.shield(asyncio.to_thread(close_session, session))
+            raise
+        node._token = token
+        return node
+
+    async def publish(self, topic: Topic[Any], message: Message, **fields: str) -> None:
+        """Put a message on its key; see `Node.publish`.
+
+        The first publication on a key declares it, in a thread. Raises ZError once closed.
+        """
+        outlet = self._outlets.get((topic, tuple(fields.items())))
+        if outlet is None:
+            outlet = await self._declare(topic, fields)
+        if type(message) is not outlet.message:
+            msg = f"{topic.template} carries {topic.schema_name}, not {type(message).__name__}"
+            raise TypeError(msg)
+        payload = encode(message)
+        self.health.published += 1
+        if outlet.waits:
+            await self._sender.send(outlet, payload)
+        else:
+            outlet.put(payload, outlet.mark())
+
+    async def _declare(self, topic: Topic[Any], fields: dict[str, str]) -> Outlet:
+        self._service.require_write(topic)
+        key = topic.at(self.place, **fields)
+        async with self._declaring:
+            outlet = self._outlets_by_key.get(key)
+            if outlet is None:
+                publisher = await asyncio.to_thread(declare, self._session, topic, key)
+                outlet = Outlet(publisher, topic, key, self.source, self.boot_id, self.clock)
+                self._outlets_by_key[key] = outlet
+            self._outlets[topic, tuple(fields.items())] = outlet
+        return outlet
+
+    def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Any]:
+        """Messages with their senders; see `Node.arrivals`."""
+        for topic in topics:
+            self._service.require_read(topic)
+        lossless = any(topic.delivery in (Delivery.EVENT, Delivery.KEPT) for topic in topics)
+        inbox = self._open_inbox(EVENT_CAPACITY if lossless else DEFAULT_CAPACITY)
+        for topic in topics:
+            expression = topic.anywhere(self.place.line) if anywhere else topic.within(self.place)
+            self._subscribe(expression, inbox, topic.delivery)
+        return inbox.arrivals(TABLE)
+
+    def messages(self, *topics: Topic[Any]) -> AsyncIterator[Any]:
+        """Messages alone; see `Node.messages`."""
+        return messages_of(self.arrivals(*topics))
+
+    def samples(self, key_expression: str) -> AsyncIterator[Sample]:
+        """Undecoded publications; see `Node.samples`."""
+        inbox = self._open_inbox(EVENT_CAPACITY)
+        self._subscribe(key_expression, inbox, None)
+        return inbox.samples()
+
+    def _open_inbox(self, capacity: int) -> Inbox:
+        inbox = Inbox(self.clock, self.health, capacity)
+        self._inboxes.append(inbox)
+        if self._stop.is_set():
+            inbox.close()
+        return inbox
+
+    def _subscribe(self, expression: str, inbox: Inbox, delivery: Delivery | None) -> None:
+        # What a STATE publisher no longer has was replaced by something newer: no loss.
+        loss = delivery in (Delivery.EVENT, Delivery.KEPT)
+        subscription = Subscription(
+            self._session,
+            expression,
+            inbox,
+            self.clock.now_ns,
+            recovers=delivery is not Delivery.STREAM,
+            on_miss=(lambda count: inbox.count_lost(expression, count)) if loss else None,
+        )
+        self._subscriptions.append(subscription)
+
+    def watch_alive(self, line: str = "*") -> AsyncIterator[AliveChange]:
+        """Services as they appear and are lost (after five seconds without token), until stopped."""
+        watch = AliveWatch(self._session, tokens_anywhere(line), self.clock)
+        self._watches.append(watch)
+        if self._stop.is_set():
+            watch.close()
+        return watch.changes()
+
+    def ready(self) -> None:
+        """Note that the service answers from now on."""
+        self._ready.set()
+
+    async def wait_ready(self) -> None:
+        """Wait until the service has said that it is ready."""
+        await self._ready.wait()
+
+    @property
+    def stopping(self) -> bool:
+        """True once `stop` was called."""
+        return self._stop.is_set()
+
+    def stop(self) -> None:
+        """Ask the service to finish: its readers end after what is queued."""
+        self._stop.set()
+        for inbox in self._inboxes:
+            inbox.close()
+        for watch in self._watches:
+            watch.close()
+
+    async def sleep(self, seconds: float) -> bool:
+        """Wait; see `Node.sleep`."""
+        try:
+            async with asyncio.timeout(seconds):
+                await self._stop.wait()
+        except TimeoutError:
+            return not self._stop.is_set()
+        return False
+
+    async def in_thread(self, work: Callable[[], T]) -> T:
+        """Result of blocking work, off the loop."""
+        return await asyncio.to_thread(work)
+
+    def _note_unsent(self, reason: str) -> None:
+        self.health.count("unsent")
+        self.health.trouble("unsent", f"not sent: {reason}", self.clock.monotonic_s())
+
+    async def close(self) -> int:
+        """End every subscription and the session; the number of publications that could not be sent.
+
+        Takes at most one second and a half, however stuck the link is.
+        """
+        self.stop()
+        unsent = 0
+        done = asyncio.Event()
+        loop = asyncio.get_running_loop()
+
+        def end() -> None:
+            nonlocal unsent
+            unsent = self._sender.finish(FLUSH_S)
+            for subscription in self._subscriptions:
+                subscription.close(CLOSE_S)
+            close_session(self._session)
+            loop.call_soon_threadsafe(done.set)
+
+        # A thread that may be left behind: a stuck link must not hold up the interpreter's end.
+        threading.Thread(target=end, name=f"{self.instance}-close", daemon=True).start()
+        try:
+            async with asyncio.timeout(FLUSH_S + CLOSE_S):
+                await done.wait()
+        except TimeoutError:
+            pass
+        if unsent:
+            self.health.count("unsent", unsent)
+        return unsent

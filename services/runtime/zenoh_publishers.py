@@ -1,0 +1,148 @@
+"""How each delivery goes out: publishers, and the thread for what may have to wait."""
+
+from __future__ import annotations
+
+import asyncio
+import queue
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+import zenoh
+from zenoh import CongestionControl, Reliability, ext
+
+from schemas.message import Message
+from schemas.topics import Delivery, Topic
+from services.runtime.attachment import Attachment, encode_attachment
+from services.runtime.clock import Clock
+
+EVENT_CACHE = 1000
+"""Publications of one key kept for late and cut-off readers: rate times the longest outage that is bridged."""
+HEARTBEAT_S = 0.5
+"""How soon a reader learns that the last publication was lost, when no other follows it."""
+QUEUE_CAPACITY = 1000
+"""EVENT and KEPT publications of one service that may wait for the link."""
+
+
+class ZenohPublisher(Protocol):
+    """What plain and advanced publishers have in common."""
+
+    def put(self, payload: bytes, *, attachment: bytes) -> None:
+        """Publish."""
+
+
+class Outlet:
+    """One key of one service, ready to be published on. Used from the loop's thread."""
+
+    __slots__ = ("_boot_id", "_clock", "_publisher", "_source", "key", "message", "sequence", "waits")
+
+    def __init__(
+        self, publisher: ZenohPublisher, topic: Topic[Message], key: str, source: str, boot_id: str, clock: Clock
+    ) -> None:
+        """Start counting at 0."""
+        self.key = key
+        self.message = topic.message
+        self.waits = topic.delivery in (Delivery.EVENT, Delivery.KEPT)
+        self.sequence = 0
+        self._publisher = publisher
+        self._source = source
+        self._boot_id = boot_id
+        self._clock = clock
+
+    def mark(self) -> bytes:
+        """Attachment of the next publication."""
+        mark = Attachment(self._source, self._boot_id, self.sequence, self._clock.now_ns())
+        self.sequence += 1
+        return encode_attachment(mark)
+
+    def put(self, payload: bytes, attachment: bytes) -> None:
+        """Hand over to Zenoh. Raises ZError when the session is closed."""
+        self._publisher.put(payload, attachment=attachment)
+
+
+def declare(session: zenoh.Session, topic: Topic[Message], key: str) -> ZenohPublisher:
+    """Publisher that keeps the promise of the topic's delivery."""
+    encoding = zenoh.Encoding("application/msgpack").with_schema(topic.schema_name)
+    if topic.delivery is Delivery.STREAM:
+        return session.declare_publisher(
+            key, encoding=encoding, congestion_control=CongestionControl.DROP, express=True
+        )
+    # Sporadic: a heartbeat only after something was published.
+    misses = ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT_S)
+    if topic.delivery is Delivery.STATE:
+        return ext.declare_advanced_publisher(
+            session,
+            key,
+            encoding=encoding,
+            congestion_control=CongestionControl.DROP,
+            reliability=Reliability.RELIABLE,
+            cache=ext.CacheConfig(1),
+            sample_miss_detection=misses,
+            publisher_detection=True,
+        )
+    replies = ext.RepliesConfig(congestion_control=CongestionControl.BLOCK)
+    return ext.declare_advanced_publisher(
+        session,
+        key,
+        encoding=encoding,
+        congestion_control=CongestionControl.BLOCK,
+        reliability=Reliability.RELIABLE,
+        cache=ext.CacheConfig(EVENT_CACHE, replies_config=replies),
+        sample_miss_detection=misses,
+        publisher_detection=True,
+    )
+
+
+class Sender:
+    """One thread that publishes what may block, in order, from a bounded queue.
+
+    A blocking put waits up to five seconds on a link that is stuck: never on the loop.
+    """
+
+    def __init__(self, name: str, on_failure: Callable[[str], None], capacity: int = QUEUE_CAPACITY) -> None:
+        """Start the thread. `on_failure` is called on the running loop with what could not be sent, and why."""
+        self._loop = asyncio.get_running_loop()
+        self._queue: queue.SimpleQueue[tuple[Outlet, bytes, bytes] | None] = queue.SimpleQueue()
+        self._capacity = capacity
+        self._on_failure = on_failure
+        self._room_wanted = False
+        self._room = asyncio.Event()
+        self._abandoned = False
+        self._thread = threading.Thread(target=self._run, name=f"{name}-sender", daemon=True)
+        self._thread.start()
+
+    async def send(self, outlet: Outlet, payload: bytes) -> None:
+        """Queue one publication; waits while the queue is full. Publications of one key keep their order."""
+        while self._queue.qsize() >= self._capacity:
+            self._room.clear()
+            self._room_wanted = True
+            if self._queue.qsize() >= self._capacity:  # again, for the thread may have missed the wish
+                await self._room.wait()
+        self._queue.put((outlet, payload, outlet.mark()))
+
+    def finish(self, timeout_s: float) -> int:
+        """Send what is queued; number of publications given up when that takes longer. Blocks: not on the loop."""
+        self._queue.put(None)
+        self._thread.join(timeout_s)
+        if not self._thread.is_alive():
+            return 0
+        self._abandoned = True
+        return max(0, self._queue.qsize() - 1) + 1
+
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not None and not self._abandoned:
+            outlet, payload, attachment = item
+            try:
+                outlet.put(payload, attachment)
+            except zenoh.ZError as error:
+                self._call(partial(self._on_failure, f"{outlet.key}: {error}"))
+            if self._room_wanted and 2 * self._queue.qsize() <= self._capacity:
+                self._room_wanted = False
+                self._call(self._room.set)
+
+    def _call(self, function: Callable[[], object]) -> None:
+        try:
+            self._loop.call_soon_threadsafe(function)
+        except RuntimeError:  # the loop has ended; nobody waits any more
+            self._abandoned = True
