@@ -1,0 +1,106 @@
+"""Positions and velocities of a receiver, epoch after epoch: the one solver for files and for the live service."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from services.gnss_correction.kernel import kernel
+from services.gnss_correction.line_of_sight import direct, look
+from services.gnss_correction.position_fit import geodetic, judge, locate
+from services.gnss_correction.rejection import Outcome
+from services.gnss_correction.solver_arrays import Float64s, Ints, Records, Workspace, no_solutions, workspace
+from services.gnss_correction.velocity_fit import fit_velocity
+
+LOWEST_PLACE_M: Final = -5_000.0
+HIGHEST_PLACE_M: Final = 50_000.0
+"""Heights beyond which a solution is no place of a vehicle, with room for bad vertical geometry."""
+
+_FIX, _GEOMETRY = int(Outcome.FIX), int(Outcome.WEAK_GEOMETRY)
+_ASTRAY, _ABSURD = int(Outcome.NOT_CONVERGED), int(Outcome.ABSURD_PLACE)
+_FEWEST = 4
+
+
+@kernel
+def _place_epoch(
+    rows: Records,
+    solution: Any,  # noqa: ANN401 - numba record
+    tow_s: float,
+    rules: Any,  # noqa: ANN401 - numba record
+    known: Float64s,
+    place: Float64s,
+    work: Workspace,
+) -> int:
+    """Position of one epoch, from the last place, or from the Earth's centre where that leads nowhere."""
+    outcome, count, size = _ASTRAY, 0, 0
+    for attempt in range(2):
+        warm = attempt == 0
+        if warm and known[3] == 0.0:
+            continue
+        for p in range(3):
+            place[p] = known[p] if warm else 0.0
+        outcome, count, size = locate(rows, tow_s, rules, place, warm, work)
+        if outcome == _FIX:
+            break
+    solution.used, solution.needed = count, max(size, _FEWEST)
+    if outcome != _FIX:
+        return outcome
+    judge(rows, solution, size, place, work)
+    height_m = geodetic(place[0], place[1], place[2])[2]
+    if not solution.pdop <= rules.most_pdop:
+        return _GEOMETRY
+    return _FIX if LOWEST_PLACE_M < height_m < HIGHEST_PLACE_M else _ABSURD
+
+
+@kernel
+def _look_from_known(rows: Records, known: Float64s) -> None:
+    """Directions of an epoch without a fix: from the last known place, none before the first fix."""
+    level = geodetic(known[0], known[1], known[2])
+    for row in rows:
+        row.residual_m, row.elevation_rad, row.azimuth_rad = np.nan, np.nan, np.nan
+        if known[3] > 0.0:
+            look(row, known)
+            direct(row, level)
+
+
+@kernel
+def _solve_block(
+    first_row: Ints,
+    tow_s: Float64s,
+    rows: Records,
+    rules: Any,  # noqa: ANN401 - numba record
+    known: Float64s,
+    solutions: Records,
+    work: Workspace,
+) -> None:
+    place = np.empty(3)
+    for epoch in range(tow_s.size):
+        seen, solution = rows[first_row[epoch] : first_row[epoch + 1]], solutions[epoch]
+        solution.outcome = _place_epoch(seen, solution, tow_s[epoch], rules, known, place, work)
+        if solution.outcome != _FIX:
+            _look_from_known(seen, known)
+            continue
+        fit_velocity(seen, solution, place, work)
+        solution.x_m, solution.y_m, solution.z_m = place[0], place[1], place[2]
+        known[0], known[1], known[2], known[3] = place[0], place[1], place[2], 1.0
+
+
+class Solver:
+    """Solves blocks of epochs; remembers the last place, to start from it and to know directions without a fix."""
+
+    def __init__(self) -> None:
+        """Know no place yet."""
+        self._known = np.zeros(4)
+        self._work = workspace()
+
+    def solve(self, first_row: Ints, tow_s: Float64s, rows: Records, rules: np.void) -> Records:
+        """Solutions (dtype SOLUTION) of the epochs whose `rows` (dtype ROW) are `first_row[i]:first_row[i + 1]`.
+
+        Completes `rows` in place: rejections, directions, residuals. Rows rejected before take no
+        part; the others must have finite pseudoranges and satellites. The result does not depend on
+        how epochs are divided into blocks.
+        """
+        solutions = no_solutions(tow_s.size)
+        _solve_block(first_row, tow_s, rows, rules, self._known, solutions, self._work)
+        return solutions

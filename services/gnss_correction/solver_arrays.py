@@ -1,0 +1,116 @@
+"""The records between which the solving kernels work (records, because they compile quickly)."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_SYSTEMS: Final = 7
+MOST_UNKNOWNS: Final = 3 + MOST_SYSTEMS
+
+Records = NDArray[np.void]
+Ints = NDArray[np.int64]
+Float64s = NDArray[np.float64]
+
+_GIVEN: Final = (
+    # Earth-fixed satellite position when the signal left, its velocity, its clock times c
+    "x_m",
+    "y_m",
+    "z_m",
+    "vx_mps",
+    "vy_mps",
+    "vz_mps",
+    "clock_m",
+    "drift_mps",
+    "pseudorange_m",
+    # from Doppler, positive when the satellite recedes; NaN where there is none
+    "range_rate_mps",
+    "cn0_dbhz",
+    "carrier_hz",
+)
+_FOUND: Final = ("elevation_rad", "azimuth_rad", "residual_m")
+_WORK: Final = ("line_x", "line_y", "line_z", "modelled_m", "variance_m2")
+
+ROW: Final = np.dtype(
+    [("system", np.int64), ("rejection", np.int64), *((name, np.float64) for name in _GIVEN + _FOUND + _WORK)]
+)
+"""One satellite at one epoch.
+
+Given: `system` (index of the constellation), what stands in _GIVEN, and in `rejection` why it may
+not be used so far (see `rejection.Rejection`). Found: `rejection` completed, direction, and the
+residual (measured minus modelled, also of rows that were not used). The rest is working space:
+unit vector towards the satellite, pseudorange without the receiver's clock, its variance.
+"""
+
+SOLUTION: Final = np.dtype(
+    [
+        ("outcome", np.int64),
+        ("used", np.int64),
+        ("needed", np.int64),
+        *(
+            (name, np.float64)
+            for name in (
+                "x_m",
+                "y_m",
+                "z_m",
+                "vx_mps",
+                "vy_mps",
+                "vz_mps",
+                "clock_m",
+                "hdop",
+                "pdop",
+                "sigma_horizontal_m",
+            )
+        ),
+    ]
+)
+"""Solution of one epoch, NaN where there is none (see `rejection.Outcome`), Earth-fixed.
+
+`clock_m` is the receiver clock against the first constellation used, times c; `sigma_horizontal_m`
+the root of the sum of both horizontal variances, by the weights and, where larger, the residuals.
+"""
+
+RULES: Final = np.dtype(
+    [
+        ("by_cn0", np.int64),
+        *((name, np.float64) for name in ("elevation_mask_rad", "cn0_mask_dbhz", "most_pdop")),
+        ("alpha", np.float64, (4,)),
+        ("beta", np.float64, (4,)),
+    ]
+)
+"""How to solve: weights by C/N0 and elevation (1) or by elevation alone (0), limits, Klobuchar coefficients."""
+
+
+class Workspace(NamedTuple):
+    """Working space of one epoch."""
+
+    normal: Float64s
+    """Normal matrix and its factor, lower triangle."""
+    right: Float64s
+    spare: Float64s
+    clock_m: Float64s
+    """Per constellation; NaN where it is not solved for."""
+    column: Ints
+    """Unknown that is the clock of each constellation; -1 when it takes no part."""
+
+
+def workspace() -> Workspace:
+    """Space for the largest possible system."""
+    return Workspace(
+        np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS)),
+        np.empty(MOST_UNKNOWNS),
+        np.empty(MOST_UNKNOWNS),
+        np.empty(MOST_SYSTEMS),
+        np.empty(MOST_SYSTEMS, np.int64),
+    )
+
+
+def no_solutions(epochs: int) -> Records:
+    """Solutions that are none yet."""
+    solutions = np.zeros(epochs, SOLUTION)
+    for name in SOLUTION.names or ():
+        if SOLUTION[name] == np.float64:
+            solutions[name] = np.nan
+    return solutions

@@ -1,0 +1,46 @@
+"""How much a pseudorange and a Doppler measurement are trusted: their variances."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from services.gnss_correction.kernel import kernel
+
+Weights = Literal["elevation", "cn0"]
+
+MISSING_CN0_DBHZ: Final = 35.0
+"""Stands in where a receiver gives no C/N0: a moderate signal."""
+LOWEST_SINE: Final = 0.05
+"""Sine of 3 degrees: below, the laws are not known to hold."""
+
+
+@kernel
+def elevation_variance_m2(elevation_rad: Any) -> Any:  # noqa: ANN401 - float or array alike
+    """Variance of a pseudorange [m²] by elevation alone: (0.3 m)² (1 + 1/sin² el).
+
+    The usual law of single-point positioning under an open sky.
+    """
+    sine = max(np.sin(elevation_rad), LOWEST_SINE)
+    return 0.09 * (1.0 + 1.0 / (sine * sine))
+
+
+@kernel
+def cn0_variance_m2(elevation_rad: Any, cn0_dbhz: Any) -> Any:  # noqa: ANN401 - float or array alike
+    """Variance of a pseudorange [m²] by carrier-to-noise density S and elevation: (1 m)² 10^((40 - S)/10) / sin³ el.
+
+    The sigma-epsilon law of Hartinger and Brunner 1999, in which the variance falls with the
+    signal's power. Among buildings a weak signal is more often a reflected one, and a low one more
+    often reflected at the same power: hence the elevation, steeper than the mapping of the air.
+    """
+    sine = max(np.sin(elevation_rad), LOWEST_SINE)
+    density = cn0_dbhz if np.isfinite(cn0_dbhz) else MISSING_CN0_DBHZ
+    return 10.0 ** ((40.0 - density) / 10.0) / (sine * sine * sine)
+
+
+@kernel
+def doppler_variance_m2ps2(cn0_dbhz: Any) -> Any:  # noqa: ANN401 - float or array alike
+    """Variance of a range rate from Doppler [m²/s²]: 0.25² + 0.25 · 10^(-(S - 35)/10)."""
+    density = cn0_dbhz if np.isfinite(cn0_dbhz) else MISSING_CN0_DBHZ
+    return 0.0625 + 0.25 * 10.0 ** (-(density - 35.0) / 10.0)
