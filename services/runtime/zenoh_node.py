@@ -12,7 +12,7 @@ import zenoh
 
 from schemas.codec import encode
 from schemas.message import Message
-from schemas.topics import TABLE, Delivery, Place, Topic
+from schemas.topics import TABLE, Delivery, Place, Topic, TopicError
 from services.runtime.alive import AliveChange, Token, tokens_anywhere
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
@@ -97,27 +97,43 @@ class ZenohNode:
         """
         outlet = self._outlets.get((topic, tuple(fields.items())))
         if outlet is None:
-            outlet = await self._declare(topic, fields)
+            self._service.require_write(topic)
+            outlet = await self._declare(topic, topic.at(self.place, **fields))
+            self._outlets[topic, tuple(fields.items())] = outlet
         if type(message) is not outlet.message:
             msg = f"{topic.template} carries {topic.schema_name}, not {type(message).__name__}"
             raise TypeError(msg)
-        payload = encode(message)
+        await self._send(outlet, encode(message))
+
+    async def publish_encoded(self, key: str, payload: bytes) -> None:
+        """Put an encoded message on a concrete key, whatever its place; for replays.
+
+        Raises UndeclaredTopicError, TopicError when no topic has the key, and ZError once closed.
+        """
+        outlet = self._outlets_by_key.get(key)
+        if outlet is None:
+            address = TABLE.find(key)
+            if address is None:
+                msg = f"no topic has the key {key}"
+                raise TopicError(msg)
+            self._service.require_write(address.topic)
+            outlet = await self._declare(address.topic, key)
+        await self._send(outlet, payload)
+
+    async def _send(self, outlet: Outlet, payload: bytes) -> None:
         self.health.published += 1
         if outlet.waits:
             await self._sender.send(outlet, payload)
         else:
             outlet.put(payload, outlet.mark())
 
-    async def _declare(self, topic: Topic[Any], fields: dict[str, str]) -> Outlet:
-        self._service.require_write(topic)
-        key = topic.at(self.place, **fields)
+    async def _declare(self, topic: Topic[Any], key: str) -> Outlet:
         async with self._declaring:
             outlet = self._outlets_by_key.get(key)
             if outlet is None:
                 publisher = await asyncio.to_thread(declare, self._session, topic, key)
                 outlet = Outlet(publisher, topic, key, self.source, self.boot_id, self.clock)
                 self._outlets_by_key[key] = outlet
-            self._outlets[topic, tuple(fields.items())] = outlet
         return outlet
 
     def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Any]:
