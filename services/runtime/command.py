@@ -42,9 +42,9 @@ def up(profile: ProfileFile = None) -> None:
 
     Example: kirotei up --profile deploy/profiles/onboard.toml
     """
-    from services.runtime.supervisor import run_supervisor
+    from services.runtime.supervisor import run_profile
 
-    run_supervisor(_load("up", profile))
+    run_profile(_load("up", profile))
 
 
 def run(
@@ -96,7 +96,9 @@ def watch(
 
     profile = _load("watch", config)
     endpoint = connect or profile.host.bus.connect[0]
-    run_watch(endpoint, line or profile.host.place.line, once=once, language="ja" if lang == "ja" else "en", as_json=as_json)
+    run_watch(
+        endpoint, line or profile.host.place.line, once=once, language="ja" if lang == "ja" else "en", as_json=as_json
+    )
 
 
 @config_app.command("check")

@@ -89,7 +89,7 @@ def _length(node: types.StrType | types.VarTupleType | types.ListType, what: str
         parts.append(f"at least {node.min_length}")
     if node.max_length is not None:
         parts.append(f"at most {node.max_length}")
-    return f"({', '.join(parts)} {what})" if parts else ""
+    return f"({' and '.join(parts)} {what})" if parts else ""
 
 
 def field_rows(struct: type[msgspec.Struct], prefix: str = "") -> list[FieldRow]:

@@ -24,6 +24,7 @@ class PlaceConfig(Settings, frozen=True, kw_only=True):
     line: Name
     """The railway line, as it stands in every key."""
     kind: PlaceKind
+    """What `name` is."""
     name: Name
     """Train, wayside site or cloud."""
 
@@ -62,6 +63,7 @@ class LogConfig(Settings, frozen=True, kw_only=True):
     """What is logged and how it looks."""
 
     level: Literal["debug", "info", "warning", "error"] = "info"
+    """The least that is logged."""
     format: Literal["auto", "json", "text"] = "auto"
     """`auto`: readable text on a terminal, JSON elsewhere."""
 

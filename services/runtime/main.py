@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 import sys
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn, TextIO, TypeVar
 
 import msgspec
 
@@ -16,14 +17,25 @@ from services.runtime.clock import LiveClock
 from services.runtime.config import ConfigError, Profile
 from services.runtime.logging import Logger, configure, guard_stdout, wants_colour
 from services.runtime.node import Service
-from services.runtime.process_end import DRAIN_S, StopSignals, arm_hard_exit, end_process, end_with_supervisor
+from services.runtime.process_end import (
+    DRAIN_S,
+    HARD_EXIT_S,
+    StopSignals,
+    arm_hard_exit,
+    end_process,
+    end_with_supervisor,
+)
 from services.runtime.sd_notify import Notifier
 from services.runtime.service_report import Kind, ServiceReport
 from services.runtime.state_dir import prepare, state_dir
+from services.runtime.zenoh_config import BusConfigError
 from services.runtime.zenoh_node import IdentityTakenError, ZenohNode
 
+T = TypeVar("T")
 LAST_WORDS_S = 0.25
 """At most this long is waited for the bus to take an event while the service is ending."""
+CLOSING_MARGIN_S = 0.1
+"""What is left after closing to flush the log and leave by the exit code."""
 
 
 def run_service(load: Callable[[], Service[Any]], profile: Profile, instance: str) -> NoReturn:
@@ -77,6 +89,10 @@ class Life:
     instance: str
     log: Logger
     notifier: Notifier
+    _waiting: str = ""
+    """Why there is no router yet, as last told."""
+    _end_by_s: float = math.inf
+    """Loop time before which closing must be over, or the process is torn down."""
 
     async def run(self) -> int:
         """Exit code, once the service has ended."""
@@ -92,6 +108,9 @@ class Life:
             except IdentityTakenError as error:
                 self.log.error("identity_taken", text=str(error))  # noqa: TRY400 - the words say all
                 return 1
+            except BusConfigError as error:
+                self.log.error("config_invalid", text=str(error))  # noqa: TRY400 - the words say all
+                return 1
             finally:
                 asked.cancel()
                 alive.cancel()
@@ -101,9 +120,8 @@ class Life:
         bus = self.profile.host.bus
         self.notifier.status(f"connecting to {', '.join(bus.connect)}")
         place = self.profile.host.place.place()
-        opening = group.create_task(
-            _outcome(ZenohNode.open(self.service, place, self.instance, LiveClock(), bus)), name="open"
-        )
+        node_of = ZenohNode.open(self.service, place, self.instance, LiveClock(), bus, on_waiting=self._note_waiting)
+        opening = group.create_task(_outcome(node_of), name="open")
         await asyncio.wait({opening, asked}, return_when=asyncio.FIRST_COMPLETED)
         if not opening.done():
             opening.cancel()
@@ -112,6 +130,18 @@ class Life:
         if error is not None:
             raise error
         return node
+
+    def _note_waiting(self, reason: str) -> None:
+        if reason != self._waiting:
+            self._waiting = reason
+            self.log.warning("waiting_for_router", text=reason)
+            self.notifier.status(reason)
+
+    def _must_end(self) -> None:
+        """Start the countdown to the end, if it does not run already."""
+        if math.isinf(self._end_by_s):
+            arm_hard_exit()
+            self._end_by_s = asyncio.get_running_loop().time() + HARD_EXIT_S - CLOSING_MARGIN_S
 
     async def _live(self, node: ZenohNode, group: asyncio.TaskGroup, asked: asyncio.Task[Any]) -> int:
         self.log = self.log.bind(boot=node.health.boot_id)
@@ -134,10 +164,12 @@ class Life:
             self.log.info("ended", asked=asked.done())
             return 0
         finally:
-            arm_hard_exit()
+            self._must_end()
             work.cancel()
             reporting.cancel()
-            await node.close()
+            with suppress(TimeoutError):
+                async with asyncio.timeout_at(self._end_by_s):
+                    await node.close()
 
     async def _start(
         self, node: ZenohNode, report: ServiceReport, group: asyncio.TaskGroup, ends: set[asyncio.Task[Any]]
@@ -160,6 +192,7 @@ class Life:
         return True
 
     async def _drain(self, node: ZenohNode, report: ServiceReport, work: asyncio.Task[Any]) -> None:
+        self._must_end()
         self.log.info("stopping")
         self.notifier.stopping()
         report.started = False
@@ -171,7 +204,7 @@ class Life:
             work.cancel()
 
     async def _fail(self, report: ServiceReport, text: str, error: BaseException | None = None) -> int:
-        arm_hard_exit()
+        self._must_end()
         self.log.error("failed", text=text, exc_info=error)
         self.notifier.status(f"failed: {text}")
         report.node.health.set("failed", text, "failed")
@@ -195,7 +228,7 @@ class Life:
             await asyncio.sleep(self.notifier.watchdog_s / 2)
 
 
-async def _outcome(work: Awaitable[Any]) -> tuple[Any, Exception | None]:
+async def _outcome(work: Awaitable[T]) -> tuple[T | None, Exception | None]:
     """Result of `work`, or the exception that ended it."""
     try:
         return await work, None

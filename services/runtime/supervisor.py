@@ -28,25 +28,32 @@ HARD_EXIT_S = 4.0
 ROUTER = "router"
 
 
-def run_supervisor(profile: Profile, plans: tuple[ChildPlan, ...] | None = None) -> NoReturn:
-    """Run everything until asked to stop or all is done, and end the process.
+def run_profile(profile: Profile) -> NoReturn:
+    """Run what a profile names until asked to stop or all is done, and end the process.
 
-    Exit code 0 after a clean stop or when every service has done its work, 1 when the
-    configuration is bad or the router cannot open. `plans` replaces the profile's services.
+    Exit code 1, before anything is started, when the settings of a service are bad; one line
+    per fault. Else as `run_supervisor`.
+    """
+    warning = prepare(state_dir(os.environ, profile.host.state_dir), os.environ)
+    problems = profile_problems(profile)
+    if problems:
+        sys.stderr.write("\n".join(problems) + "\n")
+        end_process(1)
+    run_supervisor(profile, plans_of(profile), warning)
+
+
+def run_supervisor(profile: Profile, plans: tuple[ChildPlan, ...], warning: str | None = None) -> NoReturn:
+    """Run the profile's router and the processes of `plans` until asked to stop, and end the process.
+
+    Exit code 0 after a clean stop or when every process has done its work, 1 when the router
+    cannot open. A `warning` about what is not as it should be is logged first.
     """
     stream = sys.stdout
     json = wants_json(profile.host.log, stream)
     colour = not json and wants_colour(os.environ, stream)
     log = configure(profile.host.log, stream, colour=colour, service="supervisor")
-    warning = prepare(state_dir(os.environ, profile.host.state_dir), os.environ)
     if warning:
         log.warning("state_not_kept", text=warning)
-    if plans is None:
-        problems = profile_problems(profile)
-        if problems:
-            sys.stderr.write("\n".join(problems) + "\n")
-            end_process(1)
-        plans = plans_of(profile)
     style = OutputStyle(json, colour, max((len(plan.name) for plan in plans), default=0))
     environment = {**os.environ, "KIROTEI__LOG__FORMAT": "json" if json else "text"}
     if colour:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
-import secrets
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import NoReturn
 
 import msgspec
@@ -26,6 +25,7 @@ from services.runtime.process_end import StopSignals, end_process
 from services.runtime.watch_state import WatchState
 from services.runtime.watch_view import fix_status, plain_lines, render, service_level
 from services.runtime.watch_words import Language
+from services.runtime.zenoh_config import BusConfigError
 from services.runtime.zenoh_node import ZenohNode
 
 DRAW_S = 0.25
@@ -103,49 +103,79 @@ def run_watch(endpoint: str, line: str, *, once: bool, language: Language, as_js
     except (TopicError, msgspec.ValidationError) as error:
         sys.stderr.write(f"kirotei watch: {error}\n")
         end_process(2)
+    view = View(place, bus, once=once, language=language, as_json=as_json)
     code = 1
     try:
-        code = asyncio.Runner().run(_view(place, bus, once=once, language=language, as_json=as_json))
-    except BrokenPipeError:
+        code = asyncio.Runner().run(view.run())
+    except BrokenPipeError:  # whoever read this has gone, as with `| head`
         code = 0
+    except BusConfigError as error:
+        sys.stderr.write(f"kirotei watch: {error}\n")
     end_process(code)
 
 
-async def _view(place: Place, bus: BusConfig, *, once: bool, language: Language, as_json: bool) -> int:
-    loop = asyncio.get_running_loop()
-    stop = asyncio.Event()
-    StopSignals(lambda: loop.call_soon_threadsafe(stop.set))
-    instance = f"watch@{os.getpid()}-{secrets.token_hex(2)}"
-    where = ", ".join(bus.connect)
-    if not once:
-        sys.stderr.write(f"kirotei watch: connecting to {where} (Ctrl-C ends)\n")
-    async with asyncio.TaskGroup() as group:
-        asked = group.create_task(stop.wait(), name="stop signal")
-        opening = group.create_task(ZenohNode.open(WATCH, place, instance, LiveClock(), bus), name="open")
-        await asyncio.wait(
-            {asked, opening}, timeout=ONCE_LIMIT_S if once else None, return_when=asyncio.FIRST_COMPLETED
-        )
-        if not opening.done():
-            opening.cancel()
-            asked.cancel()
-            if not stop.is_set():
-                sys.stderr.write(f"kirotei watch: no router at {where} within {ONCE_LIMIT_S:g} s\n")
-            return 0 if stop.is_set() else 1
-        node = opening.result()
+@dataclass(slots=True)
+class View:
+    """One viewer, from the router's answer to the last line."""
+
+    place: Place
+    bus: BusConfig
+    once: bool
+    language: Language
+    as_json: bool
+    _has_waited: bool = False
+
+    async def run(self) -> int:
+        """Exit code, once the view has ended."""
+        loop = asyncio.get_running_loop()
+        stop = asyncio.Event()
+        StopSignals(lambda: loop.call_soon_threadsafe(stop.set))
+        asked = asyncio.ensure_future(stop.wait())
+        working = asyncio.ensure_future(self._work())
         try:
-            if once:
-                return await _show_once(node, language, as_json=as_json)
-            work = group.create_task(_run(node, WatchConfig(language=language)), name="watch")
-            await asyncio.wait({asked, work}, return_when=asyncio.FIRST_COMPLETED)
-            node.stop()
-            await asyncio.wait({work})
-            return 0
+            await asyncio.wait({asked, working}, return_when=asyncio.FIRST_COMPLETED)
+            return working.result() if working.done() else 0
         finally:
             asked.cancel()
+            working.cancel()
+            await asyncio.wait({working})
+
+    async def _work(self) -> int:
+        try:
+            async with asyncio.timeout(ONCE_LIMIT_S if self.once else None):
+                node = await ZenohNode.open(
+                    WATCH, self.place, "watch", LiveClock(), self.bus, on_waiting=self._waiting, announced=False
+                )
+        except TimeoutError:
+            return self._told(f"no router at {', '.join(self.bus.connect)} within {ONCE_LIMIT_S:g} s")
+        try:
+            if not self.once:
+                await _run(node, WatchConfig(language=self.language))
+                return 0
+            state = await heard_at_once(node)
+            now_s = node.clock.monotonic_s()
+        finally:
             await node.close()
+        if not (state.devices or state.services):
+            return self._told(f"nothing heard on line {self.place.line} within {ONCE_LIMIT_S:g} s")
+        if self.as_json:
+            sys.stdout.write(json.dumps(summary(state, now_s), indent=2, ensure_ascii=False) + "\n")
+        else:
+            Console().print(render(state, now_s, self.language))
+        return 0
+
+    def _waiting(self, reason: str) -> None:
+        if not self.once and not self._has_waited:
+            self._has_waited = True
+            self._told(f"{reason}; waiting (Ctrl-C ends)")
+
+    def _told(self, text: str) -> int:
+        sys.stderr.write(f"kirotei watch: {text}\n")
+        return 1
 
 
-async def _show_once(node: ZenohNode, language: Language, *, as_json: bool) -> int:
+async def heard_at_once(node: Node) -> WatchState:
+    """What is on the line: listens for a moment after the first arrival, at most ten seconds in all."""
     state = WatchState(node.place.line)
     async with asyncio.TaskGroup() as group:
         reading = group.create_task(read_into(state, node), name="read")
@@ -155,15 +185,7 @@ async def _show_once(node: ZenohNode, language: Language, *, as_json: bool) -> i
                     pass
                 await node.sleep(ONCE_LISTEN_S)
         reading.cancel()
-    now_s = node.clock.monotonic_s()
-    if not (state.devices or state.services):
-        sys.stderr.write(f"kirotei watch: nothing heard on line {node.place.line} within {ONCE_LIMIT_S:g} s\n")
-        return 1
-    if as_json:
-        sys.stdout.write(json.dumps(summary(state, now_s), indent=2, ensure_ascii=False) + "\n")
-    else:
-        Console().print(render(state, now_s, language))
-    return 0
+    return state
 
 
 def summary(state: WatchState, now_s: float) -> dict[str, object]:
