@@ -19,7 +19,7 @@ from services.runtime.health import HealthBoard
 from services.runtime.host_config import BusConfig
 from services.runtime.inbox import DEFAULT_CAPACITY, Inbox, messages_of
 from services.runtime.node import Sample, Service
-from services.runtime.zenoh_liveliness import AliveWatch, IdentityTakenError, claim
+from services.runtime.zenoh_liveliness import AliveWatch, IdentityTakenError, claim, tokens_alive
 from services.runtime.zenoh_publishers import Outlet, Sender, declare
 from services.runtime.zenoh_session import close_session, open_session
 from services.runtime.zenoh_subscriptions import Subscription
@@ -176,6 +176,11 @@ class ZenohNode:
             on_miss=(lambda count: inbox.count_lost(expression, count)) if loss else None,
         )
         self._subscriptions.append(subscription)
+
+    async def services_alive(self, line: str = "*") -> set[str]:
+        """Services that live now, as `source` stands in attachments. Takes a round trip, at most two seconds."""
+        tokens = await asyncio.to_thread(tokens_alive, self._session, tokens_anywhere(line))
+        return {token.service for token in tokens}
 
     def watch_alive(self, line: str = "*") -> AsyncIterator[AliveChange]:
         """Services as they appear and are lost (after five seconds without token), until stopped."""
