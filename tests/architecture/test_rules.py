@@ -37,10 +37,10 @@ def imports_of(path: Path) -> set[str]:
 
 
 def is_shell(path: Path) -> bool:
-    """Services, commands, the runtime and the command line: they may touch the world."""
+    """Services, commands, replays, the runtime and the command line: they may touch the world."""
     return (
         path.name == "service.py"
-        or path.stem.endswith("command")
+        or path.stem.endswith(("command", "_replay"))
         or path.name == "cli.py"
         or "runtime" in path.parts[len(ROOT.parts) :]
     )

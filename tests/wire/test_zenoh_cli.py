@@ -18,7 +18,7 @@ from services.runtime.router import open_router
 from tests.unit.schemas.examples import EXAMPLES
 from tests.wire.ports import free_port
 
-ZENOH = Path(sys.executable).with_name("zenoh")
+ZENOH = str(Path(sys.executable).with_name("zenoh"))
 KEY = topics.GNSS_FIX.at(topics.Place("demo", "train", "T1"), device="front")
 FIX = EXAMPLES[Fix]
 
@@ -42,9 +42,9 @@ def test_subscribe_prints_messages_as_json(payload_ok: bool) -> None:  # noqa: F
             assert process.stdout is not None
             try:
                 publisher = session.declare_publisher(KEY)
-                with publisher.matching_listener() as matching:
-                    while not publisher.matching_status.matching:
-                        matching.recv()
+                matching = publisher.declare_matching_listener()
+                while not publisher.matching_status.matching:  # type: ignore[attr-defined]  # the stub says bool
+                    matching.recv()
                 publisher.put(encode(FIX) if payload_ok else b"\xc1garbage")
                 key, _, value = process.stdout.readline().partition(" ")
             finally:
