@@ -24,7 +24,8 @@ class Input:
 
     tracker: SequenceTracker = field(default_factory=SequenceTracker)
     newest_s: float = 0.0
-    delay_s: float = 0.0
+    delay_ns: int = 0
+    """Receive time minus send time of the newest arrival; below zero when the clocks disagree."""
 
     @property
     def troubles(self) -> int:
@@ -70,6 +71,11 @@ class HealthBoard:
     def trouble(self, name: str, reason: str, now_s: float) -> None:
         """Note something that has happened and is over; it colours the level for a while."""
         self._trouble[name] = (now_s, reason)
+
+    def refuse(self, reason: str, now_s: float) -> None:
+        """Count an arrival that cannot be used, and say why."""
+        self.refused += 1
+        self.trouble("refused", f"refused: {reason[:300]}", now_s)
 
     def open_reader(self) -> InputWatch:
         """Follow the inputs of one more reader; each reader sees every message once."""
@@ -129,7 +135,7 @@ class HealthBoard:
                     duplicated=entry.tracker.duplicated,
                     restarts=entry.tracker.restarts,
                     age_s=now_s - entry.newest_s,
-                    delay_s=entry.delay_s,
+                    delay_s=entry.delay_ns / 1e9,
                 )
                 for (key, source), entry in self._shown().items()
             ),
@@ -155,22 +161,21 @@ class InputWatch:
     _board: HealthBoard
     _inputs: dict[tuple[str, str], Input]
 
-    def take(self, key: str, sent: Attachment, delay_s: float, now_s: float) -> bool:
-        """Follow one arrival's sequence number; False when it is a repetition, not to be handed on."""
-        entry = self._inputs.get((key, sent.source))
-        if entry is None:
-            if len(self._inputs) >= MAX_INPUTS:
-                self._board.overflow_inputs += 1
-                return True
-            entry = self._inputs[key, sent.source] = Input()
-        entry.newest_s = now_s
-        entry.delay_s = delay_s
-        tracker = entry.tracker
-        missing = tracker.missing
-        mark = tracker.take(sent.boot_id, sent.sequence)
-        if mark is Mark.NEXT or mark is Mark.FIRST:
-            return True
+    def follow(self, key: str, source: str) -> Input | None:
+        """One source on one key; None when that would be more than are followed."""
+        entry = self._inputs.get((key, source))
+        if entry is None and len(self._inputs) < MAX_INPUTS:
+            entry = self._inputs[key, source] = Input()
+        return entry
+
+    def count_unfollowed(self) -> None:
+        """Count an arrival that nothing is known about."""
+        self._board.overflow_inputs += 1
+
+    def judge(self, mark: Mark, key: str, sent: Attachment, missing: int, now_s: float) -> bool:
+        """Report what was not simply the next; False for a repetition, which is not to be handed on."""
         if mark is Mark.DUPLICATE:
             return False
-        self._board.note(mark, key, sent, tracker.missing - missing, now_s)
+        if mark is not Mark.FIRST:
+            self._board.note(mark, key, sent, missing, now_s)
         return True

@@ -11,13 +11,12 @@ import threading
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 
-from schemas.codec import DecodeError, decode
 from schemas.message import Message
 from schemas.topics import TopicTable
-from services.runtime.attachment import decode_attachment
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
 from services.runtime.node import Arrival, Sample
+from services.runtime.opener import Opener
 
 DEFAULT_CAPACITY = 4096
 BATCH = 256
@@ -38,7 +37,6 @@ class Inbox:
         self._loop = asyncio.get_running_loop()
         self._clock = clock
         self._health = health
-        self._watch = health.open_reader()
         self._queue: deque[Sample] = deque()
         self._capacity = capacity
         self._appending = threading.Lock()
@@ -149,10 +147,11 @@ class Inbox:
     async def arrivals(self, table: TopicTable) -> AsyncIterator[Arrival[Message]]:
         """Queued samples decoded; what is refused or repeated is counted and left out."""
         queue = self._queue
+        opener = Opener(table, self._health)
         try:
             while await self._wait():
                 for _ in range(min(len(queue), BATCH)):
-                    arrival = self._open(queue.popleft(), table)
+                    arrival = opener.open(queue.popleft(), self._now_s)
                     if arrival is not None:
                         yield arrival
                 if queue:
@@ -160,28 +159,5 @@ class Inbox:
         finally:
             self._closed = True
 
-    def _open(self, sample: Sample, table: TopicTable) -> Arrival[Message] | None:
-        key = sample.key
-        mark = decode_attachment(sample.attachment) if sample.attachment else None
-        source, boot_id, sequence, sent_ns = "", "", -1, 0
-        if mark is not None:
-            source, boot_id, sequence, sent_ns = mark.source, mark.boot_id, mark.sequence, mark.sent_ns
-            if not self._watch.take(key, mark, (sample.received_ns - sent_ns) / 1e9, self._now_s):
-                return None
-        address = table.find(key)
-        if address is None:
-            self._refuse(f"no topic has the key {key}")
-            return None
-        try:
-            message = decode(address.topic.message, sample.payload)
-        except DecodeError as error:
-            self._refuse(f"{key} from {source or 'an unknown sender'}: {error}")
-            return None
-        self._health.received += 1
-        return Arrival(
-            message, key, address.place, address.fields, source, boot_id, sequence, sent_ns, sample.received_ns
-        )
-
     def _refuse(self, reason: str) -> None:
-        self._health.refused += 1
-        self._health.trouble("refused", f"refused: {reason[:300]}", self._clock.monotonic_s())
+        self._health.refuse(reason, self._clock.monotonic_s())

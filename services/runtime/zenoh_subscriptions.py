@@ -49,9 +49,7 @@ class Subscription:
         self._now_ns = now_ns
         self._patient = True
         channel: handlers.FifoChannel[zenoh.Sample] = handlers.FifoChannel(CHANNEL_CAPACITY)
-        self._subscriber: (
-            zenoh.Subscriber[handlers.Handler[zenoh.Sample]] | ext.AdvancedSubscriber[handlers.Handler[zenoh.Sample]]
-        )
+        self._undeclare: Callable[[], None]  # the plain or the advanced one's; Zenoh's own carries no types
         if recovers:
             advanced = ext.declare_advanced_subscriber(
                 session,
