@@ -17,6 +17,7 @@ from typing import BinaryIO, NamedTuple
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
@@ -182,6 +183,17 @@ def _unpacked(body: bytes) -> bytes:
         msg = f"{found} bytes unpacked where {size} are announced"
         raise ValueError(msg)
     return stream.read(found)
+
+
+def lanes_in_summary(stream: BinaryIO) -> dict[int, Lane]:
+    """Channels by number as the summary at a file's end has them; none when there is no summary."""
+    try:
+        summary = SeekingReader(stream).get_summary()
+    except (McapError, ValueError, struct.error, OSError, StopIteration, MemoryError):
+        return {}
+    if summary is None:
+        return {}
+    return {number: lane_of(channel.topic, channel.metadata) for number, channel in summary.channels.items()}
 
 
 def read_recording(path: Path, key_expression: str | None = None) -> Iterator[Sample]:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Literal
-
-from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
+from typing import Literal
 
 from services.recorder.file_names import DAMAGED_SUFFIX, PART_SUFFIX
-from services.recorder.mcap_file import Lane, RecordingWriter, lane_of
+from services.recorder.mcap_file import RecordingWriter
 from services.recorder.part_file import PartFile
-from services.recorder.recording_file import Fault, Scanner
+from services.recorder.recording_file import Fault, Scanner, lanes_in_summary
 
 FAULTS_NAMED = 10
 COMMIT_BYTES = 8 * 1024 * 1024
@@ -68,24 +64,13 @@ def _copy(path: Path, beside: PartFile) -> tuple[Scanner, list[Fault]]:
     faults: list[Fault] = []
     writer = RecordingWriter(beside)
     with path.open("rb") as stream:
-        scanner = Scanner(stream, faults.append, _lanes_in_summary(stream))
+        scanner = Scanner(stream, faults.append, lanes_in_summary(stream))
         for sample in scanner.samples():
             writer.write(sample)
             if beside.pending_bytes >= COMMIT_BYTES:
                 beside.commit()
     writer.finish()
     return scanner, faults
-
-
-def _lanes_in_summary(stream: BinaryIO) -> dict[int, Lane]:
-    """Channels by number from the summary, so that a damaged first chunk costs only its own messages."""
-    try:
-        summary = SeekingReader(stream).get_summary()
-    except (McapError, ValueError, struct.error, OSError, StopIteration, MemoryError):
-        return {}
-    if summary is None:
-        return {}
-    return {number: lane_of(channel.topic, channel.metadata) for number, channel in summary.channels.items()}
 
 
 def _settle(path: Path, target: Path, beside: Path, scanner: Scanner, faults: list[Fault]) -> Repair:
