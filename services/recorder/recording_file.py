@@ -62,7 +62,7 @@ class Scanner:
         self, stream: BinaryIO, on_fault: Callable[[Fault], None], lanes: dict[int, Lane] | None = None
     ) -> None:
         """Measure the stream. `lanes` gives channels that are known already, by number."""
-        self._size = stream.seek(0, io.SEEK_END)
+        self.size = stream.seek(0, io.SEEK_END)
         stream.seek(0)
         self._stream = stream
         self._on_fault = on_fault
@@ -102,7 +102,7 @@ class Scanner:
             if len(head) < _RECORD.size:
                 break
             opcode, length = _RECORD.unpack(head)
-            if length > self._size - self.whole_bytes - _RECORD.size:
+            if length > self.size - self.whole_bytes - _RECORD.size:
                 break
             body = self._stream.read(length)
             if len(body) < length:
@@ -114,7 +114,7 @@ class Scanner:
                     self.whole_bytes += len(MCAP0_MAGIC)
                     self.finished = True
                 break
-        left = self._size - self.whole_bytes
+        left = self.size - self.whole_bytes
         if not self.finished:
             what = f"ends in the middle of a record, {left} bytes cannot be used" if left else "ends without its index"
             self._on_fault(Fault(self.whole_bytes, what, is_end=True))
