@@ -12,7 +12,6 @@ from schemas.gnss_time import NS, WEEK_S, gps_from_unix_ns
 from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, TRAIN_TRUTH
 from services.runtime.node import Node, Service
 from services.simulator.constellation import reference_time
-from services.simulator.scenario import Scenario
 from services.simulator.scenario_file import read_scenario
 from services.simulator.simulation import Simulation
 
@@ -42,17 +41,22 @@ async def run(node: Node, config: Config) -> None:
         return Simulation(scenario, gps_ns, np.random.default_rng(seed))
 
     # A first step beforehand: what has to be compiled is compiled before time starts to count.
-    await node.in_thread(begin(_gps_now_ns(node, scenario)).step)
-    start_gps_ns, start_s = _gps_now_ns(node, scenario), node.clock.monotonic_s()
-    simulation = begin(start_gps_ns)
+    await node.in_thread(begin(_gps_now_ns(node)).step)
+    origin_ns, origin_s = _gps_now_ns(node), node.clock.monotonic_s()
+    interval_ns = round(scenario.receiver.interval_s * NS)
+    simulation = begin(-(-origin_ns // interval_ns) * interval_ns)
     node.ready()
+
+    def ahead_s() -> float:
+        """How long until the next epoch is due; negative when it is late."""
+        passed_ns = round((node.clock.monotonic_s() - origin_s) * config.speed * NS)
+        return (simulation.next_gps_ns - origin_ns - passed_ns) / NS / config.speed
+
     reference_ns: int | None = None
-    while True:
-        now_ns = start_gps_ns + round((node.clock.monotonic_s() - start_s) * config.speed * NS)
-        ahead_s = (simulation.next_gps_ns - now_ns) / NS / config.speed
-        if not await node.sleep(max(ahead_s, 0.0)):
-            return
-        if -ahead_s > LATEST_S:
+    while await node.sleep(max(ahead_s(), 0.0)):
+        late_s = -ahead_s()
+        if late_s > LATEST_S:
+            now_ns = simulation.next_gps_ns + round(late_s * config.speed * NS)
             node.health.count("epochs_skipped", simulation.skip_until(now_ns))
             continue
         if reference_time(simulation.next_gps_ns) != reference_ns:
@@ -63,11 +67,10 @@ async def run(node: Node, config: Config) -> None:
         await node.publish(TRAIN_TRUTH, instant.truth, device=config.device)
 
 
-def _gps_now_ns(node: Node, scenario: Scenario) -> int:
-    """Calendar now as GPS time [ns], rounded up to a whole interval."""
+def _gps_now_ns(node: Node) -> int:
+    """Calendar now as GPS time [ns] since the GPS epoch."""
     week, tow_s = gps_from_unix_ns(node.clock.now_ns())
-    interval_ns = round(scenario.receiver.interval_s * NS)
-    return -(-(week * WEEK_S * NS + round(tow_s * NS)) // interval_ns) * interval_ns
+    return week * WEEK_S * NS + round(tow_s * NS)
 
 
 async def _broadcast(node: Node, config: Config, simulation: Simulation) -> None:
