@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.gnss_receiver.observations import SYSTEMS
 from services.gnss_receiver.rinex_epochs import CYCLE_SLIPS, FIRST_EVENT, LAST_EVENT, EpochHeads
 from services.gnss_receiver.rinex_error import IssueLog
-from services.gnss_receiver.rinex_lines import Bools, Ints, Lines, integers, is_blank_line
+from services.gnss_receiver.rinex_lines import BLANK, Bools, Ints, Lines, integers, is_blank_line
 from services.gnss_receiver.rinex_rows import Records
 
 _PER_LIST_LINE = 12
@@ -105,13 +105,30 @@ def _blocks_2(
     claimed = more_lists + heads.count * per_satellite
     for index in np.flatnonzero(observed & (length != claimed)).tolist():
         observed[index] = _extent_is_clear(lines, heads, index, int(claimed[index]), log)
-    head = np.flatnonzero(observed)
+    head = _with_whole_lists(lines, heads, np.flatnonzero(observed), log)
     epoch, place = _spread(heads.count[head])
     first = heads.line[head][epoch]
-    listed_at = first + place // _PER_LIST_LINE
-    satellite = _satellites(lines, listed_at, _LIST_AT + 3 * (place % _PER_LIST_LINE), system, log)
+    listed_at, offset = _listed(first, place)
+    satellite = _satellites(lines, listed_at, offset, system, log)
     line = first + 1 + more_lists[head][epoch] + place * per_satellite[head][epoch]
     return Blocks(head, _records(line, epoch, satellite, stretch))
+
+
+def _listed(first: Ints, place: Ints) -> tuple[Ints, Ints]:
+    """Line and column of the name of the satellite at `place` of an epoch that begins at line `first`."""
+    return first + place // _PER_LIST_LINE, _LIST_AT + 3 * (place % _PER_LIST_LINE)
+
+
+def _with_whole_lists(lines: Lines, heads: EpochHeads, head: Ints, log: IssueLog) -> Ints:
+    """Headers of RINEX 2 whose lists have no gap: a blank name means that the names around it have slipped."""
+    epoch, place = _spread(heads.count[head])
+    listed_at, offset = _listed(heads.line[head][epoch], place)
+    blank = (lines.characters(listed_at, offset, 3) == BLANK).all(axis=1)
+    gaps = np.unique(epoch[blank])
+    for index in gaps.tolist():
+        number = int(lines.numbers[heads.line[head[index]]])
+        log.add(number, "the list of satellites has a gap; which line is whose is in doubt, the epoch is left out")
+    return np.delete(head, gaps)
 
 
 def _extent_is_clear(lines: Lines, heads: EpochHeads, index: int, claimed: int, log: IssueLog) -> bool:

@@ -43,6 +43,8 @@ class EpochHeads:
     """Satellites, or records after an event; -1 where it cannot be read."""
     ticks: Ints
     """Time since the GPS epoch on the file's own time scale, in 0.1 microseconds; -1 where it cannot be read."""
+    day: Ints
+    """Calendar day since the GPS epoch; it tells 23:59:60 from the 0:00:00 after it."""
 
 
 def find_heads(lines: Lines, *, rinex_3: bool) -> EpochHeads:
@@ -59,8 +61,8 @@ def find_heads(lines: Lines, *, rinex_3: bool) -> EpochHeads:
     event = (flag >= FIRST_EVENT) & (flag <= LAST_EVENT)
     blank_count = (text[:, 29 + shift : 32 + shift] == BLANK).all(axis=1)
     count = np.where(count_good | (event & blank_count), count, -1)
-    ticks = _ticks(text, rinex_3=rinex_3)
-    return EpochHeads(at, next_line, flag, count, ticks)
+    day, ticks = _times(text, rinex_3=rinex_3)
+    return EpochHeads(at, next_line, flag, count, ticks, day)
 
 
 def _is_head_2(lines: Lines) -> Bools:
@@ -82,8 +84,8 @@ def _is_head_2(lines: Lines) -> Bools:
     return timed
 
 
-def _ticks(text: NDArray[np.uint8], *, rinex_3: bool) -> Ints:
-    """Epochs in ticks since the GPS epoch, -1 where a part of the date or time is not one."""
+def _times(text: NDArray[np.uint8], *, rinex_3: bool) -> tuple[Ints, Ints]:
+    """Days and ticks since the GPS epoch; ticks are -1 where a part of the date or time is not one."""
     shift = 3 if rinex_3 else 0
     year, good = integers(text[:, 2:6] if rinex_3 else text[:, 1:3])
     if not rinex_3:
@@ -107,10 +109,10 @@ def _ticks(text: NDArray[np.uint8], *, rinex_3: bool) -> Ints:
     days = first_day + day - 1 - _GPS_DAY_0
     good &= days >= 0
     ticks = ((days * 24 + hour) * 60 + minute) * 60 * _TICKS + whole * _TICKS + fraction
-    return np.where(good, ticks, -1)
+    return days, np.where(good, ticks, -1)
 
 
-def gps_times(ticks: Ints, time_system: str) -> tuple[Ints, NDArray[np.float64]]:
+def gps_times(ticks: Ints, day: Ints, time_system: str) -> tuple[Ints, NDArray[np.float64]]:
     """GPS weeks and times of week [s] of epochs on the time scale that a file names.
 
     GPS, Galileo, QZSS and NavIC time agree in RINEX; BeiDou time is 14 s behind; GLONASS time is UTC
@@ -119,9 +121,9 @@ def gps_times(ticks: Ints, time_system: str) -> tuple[Ints, NDArray[np.float64]]
     if time_system == "BDT":
         ticks = ticks + _BDT_BEHIND_S * _TICKS
     elif time_system in {"GLO", "UTC"}:
-        days, inverse = np.unique(ticks // (_DAY_S * _TICKS), return_inverse=True)
         # Leap seconds change between days, never inside one.
-        ahead = np.array([leap_seconds((int(day) + _GPS_DAY_0) * _DAY_S) for day in days], np.int64)
-        ticks = ticks + ahead[inverse] * _TICKS if len(days) else ticks
+        days, inverse = np.unique(day, return_inverse=True)
+        ahead_s = [leap_seconds((each + _GPS_DAY_0) * _DAY_S) for each in days.tolist()]
+        ticks = ticks + np.array(ahead_s, np.int64)[inverse] * _TICKS
     week, rest = np.divmod(ticks, WEEK_S * _TICKS)
     return week, rest / _TICKS

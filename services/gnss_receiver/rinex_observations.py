@@ -67,7 +67,7 @@ def parse_observations(content: bytes, path: str, progress: Callable[[float], No
         lambda done: report(_STRUCTURE_DONE + (1.0 - _STRUCTURE_DONE) * done),
     )
     _report_bad(body, blocks.records, layout, rows, log)
-    week, tow_s = gps_times(heads.ticks[blocks.head], header.time_system)
+    week, tow_s = gps_times(heads.ticks[blocks.head], heads.day[blocks.head], header.time_system)
     report(1.0)
     return _observations(week, tow_s, heads.flag[blocks.head] == POWER_FAILURE, layout, rows, log)
 
