@@ -1,0 +1,16 @@
+"""The supervisor over services of tests/wire/lives.py: `python -m tests.wire.lives_up PROFILE NAME…`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from services.runtime.child_process import ChildPlan
+from services.runtime.config import load_host
+from services.runtime.supervisor import run_supervisor
+
+if __name__ == "__main__":
+    _, file, *names = sys.argv
+    command = (sys.executable, "-m", "tests.wire.lives")
+    run_supervisor(load_host(Path(file), os.environ), tuple(ChildPlan(name, (*command, name, file)) for name in names))
