@@ -29,7 +29,8 @@ NAVIGATION_LABELS = frozenset(
     }
 )
 CONTINUATIONS = {"G": 7, "E": 7, "C": 7, "J": 7, "I": 7, "R": 3, "S": 3}
-"""Lines after the first one; a GLONASS record may have a fourth (RINEX 3.05)."""
+"""Lines after the first one; a GLONASS record of RINEX 3.05 may have a fourth."""
+_RINEX_3_05 = "3.05"
 _KINDS_2 = {"N": "G", "G": "R", "H": "S"}
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[DdEe]([+ -]?\d+))?")
 _FIELD = 19
@@ -89,7 +90,8 @@ def read_records(lines: list[str], log: IssueLog) -> NavigationText:
     Raises RinexError when the file is not RINEX, not navigation, of a version that is not read or
     has no end of its header.
     """
-    rinex_3, kind = _version(lines, log.path)
+    version, kind = _version(lines, log.path)
+    rinex_3 = version in VERSIONS_3
     body = next((index + 1 for index, text in enumerate(lines) if label_of(text) == END), None)
     if body is None:
         raise RinexError(log.path, len(lines), "the header does not end: 'END OF HEADER' is missing; get it whole")
@@ -97,14 +99,14 @@ def read_records(lines: list[str], log: IssueLog) -> NavigationText:
     records = []
     for line, texts in _grouped(lines, body, rinex_3=rinex_3, log=log):
         system = texts[0][0] if rinex_3 else kind
-        wanted = CONTINUATIONS[system]
-        allowed = wanted + 1 if system == "R" else wanted
-        if len(texts) - 1 < wanted:
-            log.add(line, f"the record of {texts[0][:3].strip()!r} is cut: {len(texts)} lines of {wanted + 1}")
+        wanted = CONTINUATIONS[system] + 1
+        allowed = wanted + 1 if system == "R" and version == _RINEX_3_05 else wanted
+        if not wanted <= len(texts) <= allowed:
+            # A line lost or doubled shifts what the others mean.
+            log.add(
+                line, f"the record of {texts[0][:3].strip()!r} is left out: it has {len(texts)} lines, not {wanted}"
+            )
             continue
-        if len(texts) - 1 > allowed:
-            log.add(line + allowed + 1, "lines that belong to no record; they are left out")
-            texts = texts[: allowed + 1]  # noqa: PLW2901 - the record is what is left
         try:
             records.append(_record(line, system, texts, rinex_3=rinex_3))
         except ValueError as error:
@@ -112,8 +114,8 @@ def read_records(lines: list[str], log: IssueLog) -> NavigationText:
     return NavigationText(header, records)
 
 
-def _version(lines: list[str], path: str) -> tuple[bool, str]:
-    """Whether the file is RINEX 3, and the system of a RINEX 2 file."""
+def _version(lines: list[str], path: str) -> tuple[str, str]:
+    """Version of the file, and the system of a RINEX 2 file."""
     first = lines[0] if lines else ""
     if label_of(first) != VERSION:
         raise RinexError(path, 1, f"this is not RINEX: the first line must end in '{VERSION}'")
@@ -123,7 +125,7 @@ def _version(lines: list[str], path: str) -> tuple[bool, str]:
     rinex_3 = version in VERSIONS_3
     if kind != "N" and (rinex_3 or kind not in _KINDS_2):
         raise RinexError(path, 1, f"this is no navigation file that is read but {first[20:40].strip()!r}")
-    return rinex_3, "" if rinex_3 else _KINDS_2[kind]
+    return version, "" if rinex_3 else _KINDS_2[kind]
 
 
 def _grouped(lines: list[str], body: int, *, rinex_3: bool, log: IssueLog) -> Iterator[tuple[int, list[str]]]:
@@ -131,20 +133,21 @@ def _grouped(lines: list[str], body: int, *, rinex_3: bool, log: IssueLog) -> It
     name = _NAME_3 if rinex_3 else _NAME_2
     group: list[str] = []
     start = 0
+    astray = False
     for index in range(body, len(lines)):
         text = lines[index]
         if not text.strip() or label_of(text) in NAVIGATION_LABELS:
             continue
-        if name.match(text):
+        starts = name.match(text) is not None
+        if starts or text[:3].strip():
             if group:
                 yield start, group
-            start, group = index + 1, [text]
-        elif text[:3].strip():
-            log.add(index + 1, f"no record of a satellite: {text[:30]!r}")
-        elif group:
+            start, group, astray = index + 1, [text] if starts else [], False
+        if not starts and group:
             group.append(text)
-        else:
-            log.add(index + 1, "the line belongs to no record; it is left out")
+        elif not group and not astray:
+            log.add(index + 1, f"this and what follows belong to no record; they are left out: {text[:30]!r}")
+            astray = True
     if group:
         yield start, group
 
