@@ -6,7 +6,9 @@ import sys
 
 import typer
 
-from services.runtime import bus_command
+from services.runtime import bus_command, demo_command
+from services.runtime import command as runtime
+from services.simulator import command as simulator
 
 app = typer.Typer(
     name="kirotei",
@@ -17,9 +19,14 @@ app = typer.Typer(
     help="Where a train is on its line, how sure that is, and how healthy the signalling around it is. "
     "Supports people; it is not certified safety equipment.",
 )
+app.command()(demo_command.demo)
+for command in runtime.app_commands:
+    app.command()(command)
+app.command()(simulator.simulate)
 app.command()(bus_command.topics)
 app.command()(bus_command.schema)
 app.command()(bus_command.decode)
+app.add_typer(runtime.config_app, name="config")
 
 
 def main() -> None:

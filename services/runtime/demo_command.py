@@ -1,0 +1,27 @@
+"""`kirotei demo`: a simulated train in a street canyon, seen live."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def demo(
+    *,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=1.0, help="End after this long with fixes; else at Ctrl-C (a minute when piped)."),
+    ] = None,
+    lang: Annotated[str, typer.Option(help="en or ja.")] = "en",
+) -> None:
+    """Watch a simulated train drive through a street canyon: raw, removed and adjusted fixes against the truth.
+
+    Example: kirotei demo --seconds 30
+    """
+    if lang not in ("en", "ja"):
+        typer.echo(f"kirotei demo: --lang {lang}: there are en and ja", err=True)
+        raise typer.Exit(2)
+    from services.runtime.demo import run_demo
+
+    run_demo(seconds, "ja" if lang == "ja" else "en")
