@@ -14,7 +14,7 @@ import numpy as np
 from services.gnss_correction.geodesy import geodetic_from_ecef
 from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import delay_m, direct, look
-from services.gnss_correction.normal_equations import factorise, solve_factorised, spread_of_position
+from services.gnss_correction.normal_equations import factorise, solve_factorised
 from services.gnss_correction.rejection import Outcome, Rejection
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Ints, Records, Workspace
 from services.gnss_correction.weighting import cn0_variance_m2, elevation_variance_m2
@@ -74,7 +74,7 @@ def _assign_clocks(rows: Records, column: Ints) -> tuple[int, int]:
 
 
 @kernel
-def _accumulate(rows: Records, work: Workspace, size: int) -> None:
+def accumulate(rows: Records, work: Workspace, size: int) -> None:
     """Normal matrix and right-hand side about the present place (clocks counted from zero)."""
     normal, right = work.normal, work.right
     for p in range(size):
@@ -122,7 +122,7 @@ def _model(
 @kernel
 def _step(rows: Records, place: Float64s, work: Workspace, size: int) -> float:
     """One Gauss-Newton step of `place`; its length [m], NaN where the geometry gives none."""
-    _accumulate(rows, work, size)
+    accumulate(rows, work, size)
     if not factorise(work.normal, size):
         return np.nan
     solve_factorised(work.normal, size, work.right)
@@ -160,32 +160,3 @@ def locate(
         refined += near
         near = step_m < NEAR_M
     return _ASTRAY, count, size
-
-
-@kernel
-def judge(rows: Records, solution: Any, size: int, place: Float64s, work: Workspace) -> None:  # noqa: ANN401 - numba record
-    """Residuals, clock, dilution of precision and standard deviation of a converged solution.
-
-    `work` holds the factor and the clocks of the last round.
-    """
-    level = geodetic(place[0], place[1], place[2])
-    up = (np.cos(level[0]) * np.cos(level[1]), np.cos(level[0]) * np.sin(level[1]), np.sin(level[0]))
-    solution.clock_m = work.right[3]
-    for system in range(MOST_SYSTEMS):
-        column = work.column[system]
-        work.clock_m[system] = work.right[column] if column >= 0 else np.nan
-    cost, count = 0.0, 0
-    for row in rows:
-        row.residual_m = row.pseudorange_m - row.modelled_m - work.clock_m[row.system]
-        if row.rejection == _USABLE:
-            cost += row.residual_m * row.residual_m / row.variance_m2
-            count += 1
-    horizontal_m2, _ = spread_of_position(work.normal, size, up, work.spare)
-    scale = max(1.0, cost / (count - size)) if count > size else 1.0
-    solution.sigma_horizontal_m = np.sqrt(scale * horizontal_m2)
-    for row in rows:
-        row.variance_m2 = 1.0
-    _accumulate(rows, work, size)
-    if factorise(work.normal, size):
-        horizontal, whole = spread_of_position(work.normal, size, up, work.spare)
-        solution.hdop, solution.pdop = np.sqrt(horizontal), np.sqrt(whole)

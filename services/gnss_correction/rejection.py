@@ -21,6 +21,7 @@ class Rejection(IntEnum):
     MULTIPATH = 10
     EPOCH_REFUSED = 11
     NO_SIGNAL = 12
+    CONTRADICTS = 13
 
 
 class Outcome(IntEnum):
@@ -31,6 +32,7 @@ class Outcome(IntEnum):
     WEAK_GEOMETRY = 2
     NOT_CONVERGED = 3
     ABSURD_PLACE = 4
+    CONTRADICTION = 5
 
 
 REJECTION_WORDS = {
@@ -47,4 +49,5 @@ REJECTION_WORDS = {
     Rejection.MULTIPATH: "multipath",
     Rejection.EPOCH_REFUSED: "epoch refused",
     Rejection.NO_SIGNAL: "no L1, E1 or B1I signal",
+    Rejection.CONTRADICTS: "contradicts the other satellites by kilometres",
 }

@@ -6,9 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from services.gnss_correction.contradiction import CONTRADICTION_M, exclude_contradictions, take_residuals
 from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import direct, look
-from services.gnss_correction.position_fit import geodetic, judge, locate
+from services.gnss_correction.position_fit import geodetic, locate
+from services.gnss_correction.quality import judge
 from services.gnss_correction.rejection import Outcome
 from services.gnss_correction.solver_arrays import Float64s, Ints, Records, Workspace, no_solutions, workspace
 from services.gnss_correction.velocity_fit import fit_velocity
@@ -17,7 +19,7 @@ LOWEST_PLACE_M: Final = -5_000.0
 HIGHEST_PLACE_M: Final = 50_000.0
 """Heights beyond which a solution is no place of a vehicle, with room for bad vertical geometry."""
 
-_FIX, _GEOMETRY = int(Outcome.FIX), int(Outcome.WEAK_GEOMETRY)
+_FIX, _FEW, _GEOMETRY = int(Outcome.FIX), int(Outcome.TOO_FEW_SATELLITES), int(Outcome.WEAK_GEOMETRY)
 _ASTRAY, _ABSURD = int(Outcome.NOT_CONVERGED), int(Outcome.ABSURD_PLACE)
 _FEWEST = 4
 
@@ -43,6 +45,9 @@ def _place_epoch(
         outcome, count, size = locate(rows, tow_s, rules, place, warm, work)
         if outcome == _FIX:
             break
+    if outcome != _FEW and not take_residuals(rows, work) <= CONTRADICTION_M:
+        outcome, count, size = exclude_contradictions(rows, tow_s, rules, place, count - size, work)
+        take_residuals(rows, work)
     solution.used, solution.needed = count, max(size, _FEWEST)
     if outcome != _FIX:
         return outcome

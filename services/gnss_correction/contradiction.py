@@ -1,0 +1,82 @@
+"""Pseudoranges that cannot be true beside the others: kilometres off, by a wrong ephemeris or a broken decoder.
+
+No reflection is that late. Left in, one of them moves the place by hundreds of metres without
+any of the usual signs. With at least two pseudoranges to spare the culprit is the one without
+which the others agree best; with fewer nobody can tell, and there is no fix.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from services.gnss_correction.kernel import kernel
+from services.gnss_correction.position_fit import locate
+from services.gnss_correction.rejection import Outcome, Rejection
+from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Records, Workspace
+
+CONTRADICTION_M: Final = 1_000.0
+"""A residual beyond this is no multipath."""
+MOST_CULPRITS: Final = 4
+_SPARE: Final = 2
+
+_USABLE, _CONTRADICTS = int(Rejection.USABLE), int(Rejection.CONTRADICTS)
+_FIX, _FEW, _CONTRADICTION = int(Outcome.FIX), int(Outcome.TOO_FEW_SATELLITES), int(Outcome.CONTRADICTION)
+
+
+@kernel
+def take_residuals(rows: Records, work: Workspace) -> float:
+    """Residuals of all rows against the last round of `locate`; gives the largest of the used ones."""
+    for system in range(MOST_SYSTEMS):
+        column = work.column[system]
+        work.clock_m[system] = work.right[column] if column >= 0 else np.nan
+    worst_m = 0.0
+    for row in rows:
+        row.residual_m = row.pseudorange_m - row.modelled_m - work.clock_m[row.system]
+        if row.rejection == _USABLE and not abs(row.residual_m) <= worst_m:
+            worst_m = abs(row.residual_m)
+    return worst_m
+
+
+@kernel
+def _disagreement_m(rows: Records, tow_s: float, rules: Any, place: Float64s, work: Workspace) -> float:  # noqa: ANN401 - numba record
+    """Largest residual of a solution from the Earth's centre; inf where there is none."""
+    place[0], place[1], place[2] = 0.0, 0.0, 0.0
+    outcome, _, _ = locate(rows, tow_s, rules, place, False, work)  # noqa: FBT003 - kernels take no keywords
+    return take_residuals(rows, work) if outcome == _FIX else np.inf
+
+
+@kernel
+def exclude_contradictions(
+    rows: Records,
+    tow_s: float,
+    rules: Any,  # noqa: ANN401 - numba record
+    place: Float64s,
+    spare: int,
+    work: Workspace,
+) -> tuple[int, int, int]:
+    """Solve without the pseudoranges that contradict the others; outcome, usable rows and unknowns as `locate`.
+
+    `spare` pseudoranges are there beyond the unknowns. Leaves the culprits rejected.
+    """
+    for culprits in range(MOST_CULPRITS):
+        if spare - culprits < _SPARE:
+            break
+        best, smallest_m = -1, np.inf
+        for i in range(rows.size):
+            before = rows[i].rejection
+            if before != _USABLE:
+                continue
+            rows[i].rejection = _CONTRADICTS
+            worst_m = _disagreement_m(rows, tow_s, rules, place, work)
+            rows[i].rejection = before
+            if worst_m < smallest_m:
+                best, smallest_m = i, worst_m
+        if best < 0:
+            break
+        rows[best].rejection = _CONTRADICTS
+        if smallest_m <= CONTRADICTION_M:
+            place[0], place[1], place[2] = 0.0, 0.0, 0.0
+            return locate(rows, tow_s, rules, place, False, work)  # noqa: FBT003 - kernels take no keywords
+    return _CONTRADICTION, 0, 0

@@ -1,0 +1,158 @@
+"""Solutions as messages: a fix for every epoch, or the reason in words why there is none."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.gnss import Fix, Method
+from services.gnss_correction.ephemeris_table import EphemerisTable
+from services.gnss_correction.geodesy import geodetic_from_ecef
+from services.gnss_correction.multipath import Judgement
+from services.gnss_correction.preparation import Prepared
+from services.gnss_correction.rejection import REJECTION_WORDS, Outcome, Rejection
+from services.gnss_correction.settings import Config
+from services.gnss_correction.solver_arrays import Float64s, Records
+
+_FIX = int(Outcome.FIX)
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """One method's solutions of a block and the rows they were made from."""
+
+    epochs: Records
+    """Dtype SOLUTION."""
+    rows: Records
+    """Dtype ROW."""
+
+
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """A block of epochs, solved by every method and judged."""
+
+    config: Config
+    t_ns: Sequence[int]
+    gps_week: Sequence[int]
+    tow_s: Sequence[float]
+    refusals: Sequence[str]
+    """Why an epoch was not solved at all; empty where it was."""
+    table: EphemerisTable
+    prepared: Prepared
+    judgements: Sequence[Judgement | None]
+    """One per row; None where there was nothing to judge."""
+    flagged: Sequence[int]
+    """Flagged satellites of each epoch."""
+    solutions: dict[Method, Solution]
+
+
+def numbers(column: Float64s) -> list[float | None]:
+    """List with None for NaN."""
+    return [value if value == value else None for value in column.tolist()]  # noqa: PLR0124 - NaN differs from itself
+
+
+def _velocity_enu(epochs: Records, lat_rad: Float64s, lon_rad: Float64s) -> tuple[Float64s, Float64s, Float64s]:
+    """Velocities turned into east, north, up."""
+    sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat_rad), np.cos(lat_rad), np.sin(lon_rad), np.cos(lon_rad)
+    x, y, z = epochs["vx_mps"], epochs["vy_mps"], epochs["vz_mps"]
+    outwards = cos_lon * x + sin_lon * y
+    return cos_lon * y - sin_lon * x, cos_lat * z - sin_lat * outwards, cos_lat * outwards + sin_lat * z
+
+
+def _left_out(rejections: Sequence[int]) -> str:
+    """What was wrong with the satellites of an epoch, commonest first."""
+    counts = Counter(Rejection(one) for one in rejections if one != Rejection.USABLE)
+    return ", ".join(f"{count} {REJECTION_WORDS[rejection]}" for rejection, count in counts.most_common())
+
+
+def _no_fix_reason(epoch: np.void, rejections: Sequence[int], config: Config) -> str:
+    """In words why an epoch has no fix."""
+    used = int(epoch["used"])
+    match Outcome(int(epoch["outcome"])):
+        case Outcome.TOO_FEW_SATELLITES:
+            reason = f"{used} usable of {len(rejections)} satellites, {int(epoch['needed'])} needed"
+        case Outcome.WEAK_GEOMETRY if epoch["pdop"] > config.most_pdop:
+            reason = f"weak geometry: PDOP {epoch['pdop']:.0f} over the limit of {config.most_pdop:g}"
+        case Outcome.WEAK_GEOMETRY:
+            reason = f"weak geometry: the directions to {used} satellites determine no place"
+        case Outcome.NOT_CONVERGED:
+            reason = f"the solution of {used} satellites does not converge"
+        case Outcome.CONTRADICTION:
+            reason = "pseudoranges contradict each other by kilometres and too few are left to tell which"
+        case _:
+            reason = f"the solution of {used} satellites is at no height where a train can be"
+    left_out = _left_out(rejections)
+    return f"{reason} ({left_out})" if left_out else reason
+
+
+def _reasons(corrected: Corrected, solution: Solution) -> list[str]:
+    """Reason of every epoch, empty for fixes."""
+    reasons = list(corrected.refusals)
+    first = corrected.prepared.first_row
+    for i in np.flatnonzero(solution.epochs["outcome"] != _FIX).tolist():
+        if not reasons[i]:
+            rejections = solution.rows["rejection"][first[i] : first[i + 1]].tolist()
+            reasons[i] = _no_fix_reason(solution.epochs[i], rejections, corrected.config)
+    return reasons
+
+
+def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
+    """A fix, or the reason why none, for every epoch of the block."""
+    solution = corrected.solutions[method]
+    epochs = solution.epochs
+    lat_rad, lon_rad, h_m = geodetic_from_ecef(epochs["x_m"], epochs["y_m"], epochs["z_m"])
+    east, north, up = _velocity_enu(epochs, lat_rad, lon_rad)
+    columns = zip(
+        corrected.t_ns,
+        corrected.gps_week,
+        corrected.tow_s,
+        (epochs["outcome"] == _FIX).tolist(),
+        _reasons(corrected, solution),
+        *(numbers(column) for column in (np.degrees(lat_rad), np.degrees(lon_rad), h_m, east, north, up)),
+        *(numbers(epochs[name]) for name in ("clock_m", "sigma_horizontal_m", "hdop")),
+        epochs["used"].tolist(),
+        corrected.flagged,
+        strict=True,
+    )
+    return [
+        Fix(
+            t_ns=t_ns,
+            gps_week=week,
+            tow_s=tow_s,
+            method=method,
+            status="fix" if fixed else "none",
+            reason=reason,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            h_m=height_m,
+            ve_mps=ve_mps,
+            vn_mps=vn_mps,
+            vu_mps=vu_mps,
+            clock_bias_m=clock_m if fixed else None,
+            satellites_used=used if fixed else 0,
+            satellites_flagged=flagged,
+            sigma_horizontal_m=sigma_m if fixed else None,
+            hdop=hdop if fixed else None,
+        )
+        for (
+            t_ns,
+            week,
+            tow_s,
+            fixed,
+            reason,
+            lat_deg,
+            lon_deg,
+            height_m,
+            ve_mps,
+            vn_mps,
+            vu_mps,
+            clock_m,
+            sigma_m,
+            hdop,
+            used,
+            flagged,
+        ) in columns
+    ]

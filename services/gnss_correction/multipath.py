@@ -1,0 +1,168 @@
+"""Detection of multipath by the change of pseudoranges (Yoshinaga et al. 2008, section 3).
+
+D(x) = |Pd(x) - Pd(x-1)|,  d_n = mean of the last n D,  Pc(x) = |D(x) - d_n|
+
+A satellite is held for multipath while Pc exceeds a threshold (0.45 m per 0.2 s). The mean goes
+on taking in every change, so that the end of a stretch is noticed. Real intervals vary, hence
+every D is divided by its own interval first and Pc is scaled to the nominal 0.2 s.
+
+The substituted pseudorange is the previous one (substituted or measured) plus the mean *signed*
+rate times the interval: with the unsigned mean an approaching satellite would run away.
+
+A drift of the receiver's clock is in every D and in its mean alike and cancels in Pc while it
+is steady; jumps of whole milliseconds are taken out before (clock_jump.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from services.gnss_correction.clock_jump import clock_jump_m
+from services.gnss_correction.settings import Config
+
+NOMINAL_INTERVAL_S: Final = 0.2
+"""Interval to which changes and thresholds are scaled (paper, 4.4)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """A pseudorange to be judged."""
+
+    satellite: int
+    signal: int
+    pseudorange_m: float
+    range_rate_mps: float
+    """From Doppler; NaN where there is none."""
+    elevation_rad: float
+    """NaN where it is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What the detector makes of a pseudorange."""
+
+    watched_epochs: int
+    """Changes in the mean so far; a judgement needs a full window."""
+    change_m: float | None = None
+    """Pc per nominal interval; None until the window is full."""
+    threshold_m: float | None = None
+    flagged: bool = False
+    substitute_m: float | None = None
+    """Pseudorange that was to be expected, where one may be substituted."""
+    adjusting_s: float = 0.0
+    """How long it has been substituted by now."""
+
+    @property
+    def probability(self) -> float | None:
+        """Multipath score r²/(1 + r²) of r = Pc over threshold: 0.5 at the threshold, rising with Pc.
+
+        It orders satellites and is no calibrated probability; None before the window is full.
+        """
+        if self.change_m is None or self.threshold_m is None:
+            return None
+        square = (self.change_m / self.threshold_m) ** 2
+        return 1.0 if math.isinf(square) else square / (1.0 + square)
+
+
+class _Track:
+    """One satellite's past on one signal."""
+
+    __slots__ = ("adjusting_from_s", "followed_m", "pseudorange_m", "range_rate_mps", "rates_mps", "signal", "t_s")
+
+    def __init__(self, t_s: float, sight: Sight, window: int) -> None:
+        self.signal = sight.signal
+        self.t_s = t_s
+        self.pseudorange_m = self.followed_m = sight.pseudorange_m
+        self.range_rate_mps = sight.range_rate_mps
+        self.rates_mps: deque[float] = deque(maxlen=window)
+        self.adjusting_from_s: float | None = None
+
+    def predicted_change_m(self, sight: Sight, interval_s: float) -> float:
+        """Change to be expected by Doppler, else by the latest rate, else none."""
+        rate_mps = 0.5 * (self.range_rate_mps + sight.range_rate_mps)
+        if not math.isfinite(rate_mps):
+            rate_mps = self.rates_mps[-1] if self.rates_mps else 0.0
+        return rate_mps * interval_s
+
+
+class MultipathDetector:
+    """Watches every satellite of one receiver. Feed it one epoch after the other; a step back starts anew."""
+
+    def __init__(self, config: Config) -> None:
+        """Know no satellite yet."""
+        self._config = config
+        self._tracks: dict[int, _Track] = {}
+        self.clock_jumps = 0
+        """Jumps of the receiver's clock taken out so far."""
+
+    def judge(self, t_s: float, sights: Sequence[Sight]) -> list[Judgement]:
+        """Judgement of each sight of the epoch at `t_s`, in their order.
+
+        A satellite that is new, back after more than the longest gap or at an earlier time, or on
+        another signal is watched from anew.
+        """
+        known = {}
+        for sight in sights:
+            track = self._tracks.get(sight.satellite)
+            if track and track.signal == sight.signal and 0.0 < t_s - track.t_s <= self._config.longest_gap_s:
+                known[sight.satellite] = track
+        jump_m = self._jump_m(t_s, sights, known)
+        judgements = []
+        for sight in sights:
+            track = known.get(sight.satellite)
+            if track is None:
+                self._tracks[sight.satellite] = _Track(t_s, sight, self._config.window_epochs)
+                judgements.append(Judgement(watched_epochs=0))
+            else:
+                judgements.append(self._follow(track, t_s, sight, jump_m))
+        return judgements
+
+    def _jump_m(self, t_s: float, sights: Sequence[Sight], known: dict[int, _Track]) -> float:
+        """Jump of the receiver's clock since the satellites were last seen."""
+        unpredicted_m = [
+            sight.pseudorange_m - track.pseudorange_m - track.predicted_change_m(sight, t_s - track.t_s)
+            for sight in sights
+            if (track := known.get(sight.satellite))
+        ]
+        jump_m = clock_jump_m(unpredicted_m)
+        self.clock_jumps += jump_m != 0.0
+        return jump_m
+
+    def _follow(self, track: _Track, t_s: float, sight: Sight, jump_m: float) -> Judgement:
+        interval_s = t_s - track.t_s
+        rate_mps = (sight.pseudorange_m - track.pseudorange_m - jump_m) / interval_s
+        window = list(track.rates_mps)
+        if self._config.mean_includes_current:
+            window = [*window, rate_mps][-self._config.window_epochs :]
+        track.rates_mps.append(rate_mps)
+        judgement = Judgement(watched_epochs=len(window))
+        if len(window) == self._config.window_epochs:
+            judgement = self._compare(track, t_s, sight.elevation_rad, jump_m, rate_mps, window)
+        if not judgement.flagged:
+            track.adjusting_from_s = None
+        track.followed_m = judgement.substitute_m if judgement.substitute_m is not None else sight.pseudorange_m
+        track.t_s, track.pseudorange_m, track.range_rate_mps = t_s, sight.pseudorange_m, sight.range_rate_mps
+        return judgement
+
+    def _compare(
+        self, track: _Track, t_s: float, elevation_rad: float, jump_m: float, rate_mps: float, window: list[float]
+    ) -> Judgement:
+        config = self._config
+        mean_mps = sum(abs(rate) for rate in window) / len(window)
+        change_m = abs(abs(rate_mps) - mean_mps) * NOMINAL_INTERVAL_S
+        threshold_m = config.threshold_m
+        if elevation_rad < math.radians(config.near_horizon_deg):
+            threshold_m += config.near_horizon_extra_m
+        if change_m <= threshold_m:
+            return Judgement(len(window), change_m, threshold_m)
+        if track.adjusting_from_s is None:
+            track.adjusting_from_s = track.t_s
+        adjusting_s = t_s - track.adjusting_from_s
+        substitute_m = None
+        if adjusting_s <= config.longest_adjusting_s:
+            substitute_m = track.followed_m + jump_m + sum(window) / len(window) * (t_s - track.t_s)
+        return Judgement(len(window), change_m, threshold_m, True, substitute_m, adjusting_s)  # noqa: FBT003 - in the order of the fields

@@ -1,0 +1,158 @@
+"""From epochs to fixes and verdicts: the one path for files and for the live service.
+
+Each epoch is solved from all its pseudoranges first, because the detector wants elevations;
+then judged; then solved again without (`remove`) or with substituted pseudoranges (`adjust`)
+of the satellites held for multipath.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from schemas.gnss import Ephemeris, Epoch, Ionosphere, Method
+from schemas.gnss_time import gps_from_unix_ns, unix_ns_from_gps
+from services.gnss_correction.ephemeris_store import EphemerisStore
+from services.gnss_correction.epoch_order import EpochOrder
+from services.gnss_correction.fix_messages import Corrected, Solution
+from services.gnss_correction.multipath import Judgement, MultipathDetector, Sight
+from services.gnss_correction.preparation import Prepared, prepare
+from services.gnss_correction.rejection import Rejection
+from services.gnss_correction.settings import Config
+from services.gnss_correction.solution import Solver
+from services.gnss_correction.solver_arrays import RULES, Records
+from services.gnss_receiver.observations import Observations, satellite_code
+
+_NOT_WATCHED = frozenset({
+    int(Rejection.NO_PSEUDORANGE),
+    int(Rejection.ABSURD_PSEUDORANGE),
+    int(Rejection.NO_SIGNAL),
+    int(Rejection.EPOCH_REFUSED),
+})  # fmt: skip
+_USABLE, _MULTIPATH, _REFUSED = int(Rejection.USABLE), int(Rejection.MULTIPATH), int(Rejection.EPOCH_REFUSED)
+
+
+def block_of(epoch: Epoch) -> Observations:
+    """A message as a block of one epoch."""
+    signals = tuple(dict.fromkeys(epoch.signals))
+    number_of = {signal: number for number, signal in enumerate(signals)}
+    return Observations(
+        gps_week=np.array([epoch.gps_week], np.int64),
+        tow_s=np.array([epoch.tow_s]),
+        first_row=np.array([0, len(epoch.satellites)], np.int64),
+        satellite=np.array([satellite_code(name) for name in epoch.satellites], np.uint16),
+        signal=np.array([number_of[signal] for signal in epoch.signals], np.uint8),
+        signals=signals,
+        pseudorange_m=epoch.pseudorange_m,
+        carrier_phase_cycles=epoch.carrier_phase_cycles,
+        doppler_hz=epoch.doppler_hz,
+        cn0_dbhz=epoch.cn0_dbhz,
+        lock_lost=epoch.lock_lost,
+    )
+
+
+class Correction:
+    """Corrects the epochs of one receiver, in the order in which they come."""
+
+    def __init__(self, config: Config, methods: Sequence[Method] | None = None) -> None:
+        """Solve by `methods`; by default the configured one and those to compare."""
+        self.config = config
+        self.methods: tuple[Method, ...] = tuple(dict.fromkeys(methods or (config.method, *config.compare)))
+        self.order = EpochOrder()
+        self.detector = MultipathDetector(config)
+        self._store = EphemerisStore()
+        self._solvers: dict[Method, Solver] = {method: Solver() for method in ("original", *self.methods)}
+        self._rules = np.zeros(1, RULES)
+        self._rules["by_cn0"] = config.weights == "cn0"
+        self._rules["elevation_mask_rad"] = np.radians(config.elevation_mask_deg)
+        self._rules["cn0_mask_dbhz"] = config.cn0_mask_dbhz
+        self._rules["most_pdop"] = config.most_pdop
+
+    def add(self, broadcast: Ephemeris | Ionosphere) -> None:
+        """Take in what a satellite broadcast. Without an ionosphere its night-time constant is used."""
+        if isinstance(broadcast, Ephemeris):
+            self._store.add(broadcast)
+        else:
+            self._rules["alpha"], self._rules["beta"] = broadcast.alpha, broadcast.beta
+
+    def epoch(self, epoch: Epoch) -> Corrected:
+        """One epoch, solved and judged. An epoch whose time is no number is answered at `t_ns`."""
+        return self.block(block_of(epoch), [epoch.t_ns])
+
+    def block(self, observations: Observations, t_ns: Sequence[int] | None = None) -> Corrected:
+        """Epochs, solved and judged one after the other; the result does not depend on the division into blocks."""
+        weeks, tows_s = observations.gps_week.tolist(), observations.tow_s.tolist()
+        refusals = [self.order.refusal(week, tow_s) for week, tow_s in zip(weeks, tows_s, strict=True)]
+        table = self._store.table()
+        prepared = prepare(observations, table, self.config.systems)
+        refused = np.repeat(np.array([bool(one) for one in refusals], bool), np.diff(prepared.first_row))
+        prepared.rows["rejection"][refused] = _REFUSED
+        solutions: dict[Method, Solution] = {"original": self._solve("original", prepared, prepared.rows.copy())}
+        judgements, flagged = self._judge(prepared, solutions["original"].rows)
+        for method in self.methods:
+            if method != "original":
+                solutions[method] = self._solve(method, prepared, _altered(method, prepared.rows, judgements))
+        if t_ns is None:
+            t_ns = [unix_ns_from_gps(week, tow_s) for week, tow_s in zip(weeks, tows_s, strict=True)]
+        times = [
+            (week, tow_s) if np.isfinite(tow_s) else gps_from_unix_ns(t)
+            for t, week, tow_s in zip(t_ns, weeks, tows_s, strict=True)
+        ]
+        return Corrected(
+            config=self.config,
+            t_ns=t_ns,
+            gps_week=[week for week, _ in times],
+            tow_s=[tow_s for _, tow_s in times],
+            refusals=refusals,
+            table=table,
+            prepared=prepared,
+            judgements=judgements,
+            flagged=flagged,
+            solutions=solutions,
+        )
+
+    def _solve(self, method: Method, prepared: Prepared, rows: Records) -> Solution:
+        epochs = self._solvers[method].solve(prepared.first_row, prepared.t_s, rows, self._rules[0])
+        return Solution(epochs, rows)
+
+    def _judge(self, prepared: Prepared, seen: Records) -> tuple[list[Judgement | None], list[int]]:
+        """Judgement of every row, and the number of flagged satellites of each epoch."""
+        judgements: list[Judgement | None] = [None] * len(seen)
+        flagged = []
+        first = prepared.first_row.tolist()
+        columns = list(
+            zip(
+                prepared.satellite.tolist(),
+                prepared.signal.tolist(),
+                seen["pseudorange_m"].tolist(),
+                seen["range_rate_mps"].tolist(),
+                seen["elevation_rad"].tolist(),
+                strict=True,
+            )
+        )
+        rejections = prepared.rows["rejection"].tolist()
+        for epoch, t_s in enumerate(prepared.t_s.tolist()):
+            watched = [i for i in range(first[epoch], first[epoch + 1]) if rejections[i] not in _NOT_WATCHED]
+            count = 0
+            for i, judgement in zip(
+                watched, self.detector.judge(t_s, [Sight(*columns[i]) for i in watched]), strict=True
+            ):
+                judgements[i] = judgement
+                count += judgement.flagged
+            flagged.append(count)
+        return judgements, flagged
+
+
+def _altered(method: Method, rows: Records, judgements: Sequence[Judgement | None]) -> Records:
+    """Rows as a method wants them: flagged ones rejected, or their pseudoranges substituted."""
+    altered = rows.copy()
+    pseudorange_m, rejection = altered["pseudorange_m"], altered["rejection"]
+    for i, judgement in enumerate(judgements):
+        if judgement is None or not judgement.flagged or rejection[i] != _USABLE:
+            continue
+        if method == "adjust" and judgement.substitute_m is not None:
+            pseudorange_m[i] = judgement.substitute_m
+        else:
+            rejection[i] = _MULTIPATH
+    return altered

@@ -1,0 +1,91 @@
+"""Corrects every receiver of a train: epochs in, a fix and a verdict on every satellite out."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere
+from schemas.topics import GNSS_COMPARISON, GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_FIX, GNSS_IONOSPHERE, GNSS_VERDICT
+from services.gnss_correction.fix_messages import fixes_of
+from services.gnss_correction.pipeline import Correction
+from services.gnss_correction.settings import Config
+from services.gnss_correction.verdict_messages import verdicts_of
+from services.runtime.node import Node, Service
+
+MOST_DEVICES: Final = 16
+"""Receivers of one train; more are a mistake in somebody's keys."""
+
+
+def _warm_up(config: Config) -> None:
+    """Compile the kernels, or load them from their cache, before the first epoch waits for them."""
+    nothing, no_bits = np.empty(0), np.empty(0, np.uint8)
+    Correction(config).epoch(
+        Epoch(
+            t_ns=0,
+            gps_week=0,
+            tow_s=0.0,
+            satellites=(),
+            signals=(),
+            pseudorange_m=nothing,
+            carrier_phase_cycles=nothing,
+            doppler_hz=nothing,
+            cn0_dbhz=nothing,
+            lock_lost=no_bits,
+        )
+    )
+
+
+def _note(node: Node, device: str, fix: Fix) -> None:
+    """Count, and say in health while a receiver has no fix."""
+    node.health.count("epochs")
+    node.health.count(f"epochs_{fix.status}")
+    if fix.status == "fix":
+        node.health.clear(f"no_fix:{device}")
+    else:
+        node.health.set(f"no_fix:{device}", f"no fix from {device}: {fix.reason}")
+
+
+async def _answer(node: Node, device: str, correction: Correction, epoch: Epoch) -> None:
+    """Publish everything that follows from one epoch."""
+    corrected = correction.epoch(epoch)
+    primary, *others = correction.methods
+    (fix,) = fixes_of(corrected, primary)
+    (verdicts,) = verdicts_of(corrected)
+    _note(node, device, fix)
+    await node.publish(GNSS_FIX, fix, device=device)
+    for method in others:
+        (other,) = fixes_of(corrected, method)
+        await node.publish(GNSS_COMPARISON, other, device=device, method=method)
+    await node.publish(GNSS_VERDICT, verdicts, device=device)
+
+
+async def run(node: Node, config: Config) -> None:
+    """Answer epochs until asked to stop; every epoch gets a fix or a reason."""
+    arrivals = node.arrivals(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE)
+    await node.in_thread(lambda: _warm_up(config))
+    node.ready()
+    corrections: dict[str, Correction] = {}
+    async for arrival in arrivals:
+        device = arrival.fields["device"]
+        if device not in corrections:
+            if len(corrections) == MOST_DEVICES:
+                node.health.refuse(f"more than {MOST_DEVICES} receivers: {device}", node.clock.monotonic_s())
+                continue
+            corrections[device] = Correction(config)
+        match arrival.message:
+            case Epoch() as epoch:
+                await _answer(node, device, corrections[device], epoch)
+            case Ephemeris() | Ionosphere() as broadcast:
+                corrections[device].add(broadcast)
+
+
+SERVICE = Service(
+    "gnss_correction",
+    Config,
+    reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE),
+    writes=(GNSS_FIX, GNSS_COMPARISON, GNSS_VERDICT),
+    run=run,
+    about="positions from GNSS epochs, with a multipath verdict on every satellite",
+)

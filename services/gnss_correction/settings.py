@@ -1,0 +1,50 @@
+"""Every setting of the correction, named, with its limits and its default: for the service and for files alike."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from schemas.gnss import Method
+from services.gnss_correction.weighting import Weights
+
+Degrees = Annotated[float, Meta(ge=0.0, le=90.0)]
+Positive = Annotated[float, Meta(gt=0.0)]
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How positions are made of epochs. The paper is Yoshinaga et al. 2008."""
+
+    method: Method = "adjust"
+    """What is published as the fix: `original` uses every satellite, `remove` leaves out those held for multipath,
+    `adjust` puts the pseudorange that was to be expected in place of theirs."""
+    compare: tuple[Method, ...] = ("original", "remove")
+    """Other methods whose fixes are published beside it."""
+    systems: Annotated[str, Meta(pattern="^[GRECJ]{1,5}$")] = "GRECJ"
+    """Constellations: G GPS, R GLONASS, E Galileo, C BeiDou, J QZSS."""
+    weights: Weights = "cn0"
+    """`cn0`: by C/N0 and elevation; `elevation`: by elevation alone."""
+    elevation_mask_deg: Degrees = 5.0
+    """Lower satellites are left out."""
+    cn0_mask_dbhz: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
+    """Weaker satellites are left out; 0 keeps all."""
+    most_pdop: Positive = 30.0
+    """With a larger position dilution of precision there is no fix."""
+    threshold_m: Positive = 0.45
+    """A change of pseudorange per 0.2 s that differs from its mean by more is held for multipath (paper, 4.4)."""
+    near_horizon_extra_m: Annotated[float, Meta(ge=0.0)] = 0.3
+    """Added to the threshold for satellites near the horizon (paper, 4.4)."""
+    near_horizon_deg: Degrees = 10.0
+    """Elevation below which a satellite is near the horizon. The paper says `extremely low` and gives no figure."""
+    window_epochs: Annotated[int, Meta(ge=1, le=100)] = 5
+    """Epochs in the mean (paper, 3.1.2)."""
+    mean_includes_current: bool = False
+    """Whether the change under judgement is in the mean it is compared with. The paper leaves it open; its `past five
+    epochs` reads as without."""
+    longest_adjusting_s: Annotated[float, Meta(ge=0.0)] = 10.0
+    """A pseudorange is substituted for at most this long; then the satellite is left out until it is clean. The paper
+    sets no limit."""
+    longest_gap_s: Positive = 1.0
+    """A satellite that was away longer is watched from anew. The paper does not speak of gaps."""

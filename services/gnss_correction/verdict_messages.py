@@ -1,0 +1,115 @@
+"""Judgements as messages: a verdict for every satellite of every epoch, with its reason in words and figures."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from schemas.gnss import SatelliteVerdict, Verdicts
+from services.gnss_correction.ephemeris_table import selection_reason
+from services.gnss_correction.fix_messages import Corrected, numbers
+from services.gnss_correction.multipath import Judgement
+from services.gnss_correction.rejection import REJECTION_WORDS, Rejection
+from services.gnss_correction.settings import Config
+from services.gnss_receiver.observations import satellite_name
+
+_USABLE, _MULTIPATH = int(Rejection.USABLE), int(Rejection.MULTIPATH)
+
+
+class _Seen(NamedTuple):
+    """One satellite at one epoch, as the primary method left it."""
+
+    rejection: int
+    pseudorange_m: float | None
+    elevation_rad: float | None
+    azimuth_rad: float | None
+    cn0_dbhz: float | None
+    residual_m: float | None
+
+
+def _rejected_because(corrected: Corrected, seen: _Seen, i: int, t_s: float) -> str:
+    """Why row `i` took no part, with figures."""
+    config, prepared = corrected.config, corrected.prepared
+    match Rejection(seen.rejection):
+        case Rejection.STALE_EPHEMERIS:
+            return selection_reason(corrected.table, int(prepared.satellite[i]), t_s, int(prepared.ephemeris[i]))
+        case Rejection.ABSURD_PSEUDORANGE:
+            return f"absurd pseudorange of {seen.pseudorange_m:.6g} m"
+        case Rejection.BELOW_MASK if seen.elevation_rad is not None:
+            return f"elevation {np.degrees(seen.elevation_rad):.1f}° below the mask of {config.elevation_mask_deg:g}°"
+        case Rejection.WEAK_SIGNAL:
+            return f"{seen.cn0_dbhz:.0f} dB-Hz below the mask of {config.cn0_mask_dbhz:g} dB-Hz"
+        case Rejection.CONTRADICTS if seen.residual_m is not None:
+            return f"contradicts the other satellites by {abs(seen.residual_m) / 1000.0:.1f} km"
+        case rejection:
+            return REJECTION_WORDS[rejection]
+
+
+def _judged(judgement: Judgement | None, config: Config, adjusted_by_m: float | None) -> str:
+    """What the detector found, in words."""
+    if judgement is None:
+        return "not watched"
+    if judgement.change_m is None or judgement.threshold_m is None:
+        return f"watched for {judgement.watched_epochs} of {config.window_epochs} epochs"
+    if not judgement.flagged:
+        return "clean"
+    found = f"change {judgement.change_m:.2f} m per 0.2 s over the threshold of {judgement.threshold_m:.2f} m"
+    if adjusted_by_m is not None:
+        return f"{found}, adjusted by {adjusted_by_m:+.1f} m"
+    if config.method == "adjust" and judgement.substitute_m is None:
+        return f"{found}, adjusted for {config.longest_adjusting_s:g} s already: left out"
+    return found + (", left out" if config.method == "remove" else "")
+
+
+def _verdict(corrected: Corrected, seen: _Seen, i: int, t_s: float, measured_m: float | None) -> SatelliteVerdict:
+    judgement = corrected.judgements[i]
+    flagged = judgement is not None and judgement.flagged
+    used = seen.rejection == _USABLE and seen.residual_m is not None
+    adjusted_by_m = None
+    if used and flagged and corrected.config.method == "adjust" and seen.pseudorange_m and measured_m:
+        adjusted_by_m = seen.pseudorange_m - measured_m
+    reason = _judged(judgement, corrected.config, adjusted_by_m)
+    if seen.rejection not in (_USABLE, _MULTIPATH):
+        rejected = _rejected_because(corrected, seen, i, t_s)
+        reason = f"{rejected}; {reason}" if flagged else rejected
+    return SatelliteVerdict(
+        satellite=satellite_name(int(corrected.prepared.satellite[i])),
+        used=used,
+        flagged=flagged,
+        multipath_probability=judgement.probability if judgement else None,
+        reason=reason,
+        elevation_rad=seen.elevation_rad,
+        azimuth_rad=seen.azimuth_rad,
+        cn0_dbhz=seen.cn0_dbhz,
+        change_m=judgement.change_m if judgement else None,
+        threshold_m=judgement.threshold_m if judgement else None,
+        residual_m=seen.residual_m,
+        adjusted_by_m=adjusted_by_m,
+    )
+
+
+def verdicts_of(corrected: Corrected) -> list[Verdicts]:
+    """Verdict of every satellite at every epoch, as it bore on the primary method's fix."""
+    rows = corrected.solutions[corrected.config.method].rows
+    seen = [
+        _Seen(*one)
+        for one in zip(rows["rejection"].tolist(), *(numbers(rows[name]) for name in _Seen._fields[1:]), strict=True)
+    ]
+    measured_m = numbers(corrected.prepared.rows["pseudorange_m"])
+    first = corrected.prepared.first_row.tolist()
+    t_s = corrected.prepared.t_s.tolist()
+    return [
+        Verdicts(
+            t_ns=t_ns,
+            gps_week=week,
+            tow_s=tow_s,
+            satellites=tuple(
+                _verdict(corrected, seen[i], i, t_s[epoch], measured_m[i])
+                for i in range(first[epoch], first[epoch + 1])
+            ),
+        )
+        for epoch, (t_ns, week, tow_s) in enumerate(
+            zip(corrected.t_ns, corrected.gps_week, corrected.tow_s, strict=True)
+        )
+    ]
