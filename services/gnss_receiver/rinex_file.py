@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
-import io
 import warnings
 import zlib
 from collections.abc import Iterable
@@ -19,7 +17,7 @@ from services.gnss_receiver.rinex_header import COMPACT_VERSION, LABEL_AT
 MAX_BYTES = 4 << 30
 """What unpacks to more is refused: it would not fit into the memory of a train's computer."""
 _GZIP, _LZW, _BZIP2, _ZIP = b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK\x03\x04"
-_CHUNK = 1 << 20
+_GZIP_WINDOW = 16 + zlib.MAX_WBITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,21 +58,21 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
 
 def _gunzip(content: bytes, path: Path) -> Unpacked:
     parts: list[bytes] = []
-    size = 0
-    with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
-        while True:
-            try:
-                chunk = stream.read(_CHUNK)
-            except EOFError:
-                return Unpacked(b"".join(parts), (FileIssue(str(path), 0, "the gzip packing is cut short"),))
-            except (OSError, zlib.error) as error:
-                raise RinexError(str(path), 0, f"the gzip packing is damaged ({error}); get the file again") from error
-            if not chunk:
-                return Unpacked(b"".join(parts))
-            parts.append(chunk)
-            size += len(chunk)
-            if size > MAX_BYTES:
-                raise RinexError(str(path), 0, f"it unpacks to more than {MAX_BYTES >> 30} GiB; split it")
+    room = MAX_BYTES
+    # Members may follow one another, as `cat a.gz b.gz` leaves them; zeros may fill the end.
+    while content.strip(b"\0"):
+        member = zlib.decompressobj(_GZIP_WINDOW)
+        try:
+            parts.append(member.decompress(content, room))
+        except zlib.error as error:
+            raise RinexError(str(path), 0, f"the gzip packing is damaged ({error}); get the file again") from error
+        room -= len(parts[-1])
+        if room <= 0:
+            raise RinexError(str(path), 0, f"it unpacks to more than {MAX_BYTES >> 30} GiB; split it")
+        if not member.eof:
+            return Unpacked(b"".join(parts), (FileIssue(str(path), 0, "the gzip packing is cut short"),))
+        content = member.unused_data
+    return Unpacked(b"".join(parts))
 
 
 def _is_compact(content: bytes) -> bool:
