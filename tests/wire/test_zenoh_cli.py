@@ -38,7 +38,7 @@ def test_subscribe_prints_messages_as_json(payload_ok: bool) -> None:  # noqa: F
     with open_router(RouterConfig(listen=(endpoint,))), client(port) as session:
         command = [ZENOH, "--mode", "client", "--connect", endpoint]
         command += ["subscribe", "-k", "kirotei/v1/**", "--decoder", "kirotei", "--line", "{key} {value}"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={"PYTHONUNBUFFERED": "1"}) as process:  # noqa: S603 - our own command
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={"PYTHONUNBUFFERED": "1"}) as process:
             assert process.stdout is not None
             try:
                 publisher = session.declare_publisher(KEY)
@@ -63,6 +63,6 @@ def test_put_encodes_json_as_a_message() -> None:
         subscriber = session.declare_subscriber(KEY)
         text = encode_json(FIX).decode()
         command = [ZENOH, "--mode", "client", "--connect", endpoint, "put", "-k", KEY, "-v", text]
-        subprocess.run([*command, "--encoder", "kirotei"], check=True, timeout=30)  # noqa: S603 - our own command
+        subprocess.run([*command, "--encoder", "kirotei"], check=True, timeout=30)
         sample = subscriber.recv()
     assert decode(Fix, sample.payload.to_bytes()) == FIX
