@@ -18,7 +18,7 @@ from schemas import topics
 from schemas.topics import Address, TopicError, topic_of
 from services.recorder.mcap_file import Lane
 from services.runtime.alive import AliveChange
-from services.runtime.node import Node, Sample, Service
+from services.runtime.node import Node, Sample
 
 LONGEST_WAIT_S = 60.0
 """A longer silence in the recording is passed over in this time."""
@@ -60,21 +60,6 @@ class AliveNode(Protocol):
 
 class ReplayNode(EncodedNode, AliveNode, Protocol):
     """What a live replay needs."""
-
-
-async def _driven_by_the_command(node: Node, config: ReplayConfig) -> None:
-    """Nothing: `play_apart` needs the recording, which no configuration can carry."""
-    del node, config
-
-
-REPLAY = Service(
-    "replay",
-    ReplayConfig,
-    reads=(),
-    writes=topics.ALL,
-    run=_driven_by_the_command,
-    about="puts a recording onto the bus",
-)
 
 
 @dataclass(slots=True)

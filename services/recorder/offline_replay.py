@@ -74,8 +74,17 @@ class OfflineReplay:
     _wanted: dict[str, Address | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Make the bus."""
+        """Make the bus. Raises ReplayError for a service that reads nothing."""
+        for part in self.parts:
+            if not part.service.reads:
+                msg = f"{part.instance} reads no topic: nothing can be replayed into it"
+                raise ReplayError(msg)
         self._bus = MemoryBus(on_publish=self.published)
+
+    @property
+    def elapsed_s(self) -> float:
+        """Virtual time since the first sample that was fed."""
+        return 0.0 if self._clock is None else self._clock.monotonic_s()
 
     def feed(self, sample: Sample) -> None:
         """Move time to the sample's, let the services do what is due, and hand the sample over.

@@ -20,6 +20,7 @@ from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk
 from mcap.stream_reader import get_chunk_data_stream
+from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 from zstandard import ZstdError
 
@@ -187,13 +188,25 @@ def _unpacked(body: bytes) -> bytes:
 
 def lanes_in_summary(stream: BinaryIO) -> dict[int, Lane]:
     """Channels by number as the summary at a file's end has them; none when there is no summary."""
-    try:
-        summary = SeekingReader(stream).get_summary()
-    except (McapError, ValueError, struct.error, OSError, StopIteration, MemoryError):
-        return {}
+    summary = _summary(stream)
     if summary is None:
         return {}
     return {number: lane_of(channel.topic, channel.metadata) for number, channel in summary.channels.items()}
+
+
+def message_count(path: Path) -> int:
+    """Messages in a file as its summary has it; 0 when it has none. Raises OSError."""
+    with path.open("rb") as stream:
+        summary = _summary(stream)
+    return summary.statistics.message_count if summary is not None and summary.statistics is not None else 0
+
+
+def _summary(stream: BinaryIO) -> Summary | None:
+    """Summary at the end of a file; None when there is none that can be read."""
+    try:
+        return SeekingReader(stream).get_summary()
+    except (McapError, ValueError, struct.error, OSError, StopIteration, MemoryError):
+        return None
 
 
 def read_recording(path: Path, key_expression: str | None = None) -> Iterator[Sample]:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import msgspec
 import pytest
 
+from schemas import topics
 from schemas.topics import Place, TopicError
 from services.recorder.live_replay import (
     LONGEST_WAIT_S,
-    REPLAY,
     Played,
     ReplayConfig,
     first_address,
@@ -23,9 +23,15 @@ from services.runtime.attachment import Attachment, decode_attachment
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import manual_loop
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Sample
+from services.runtime.node import Node, Sample, Service
 from tests.unit.recorder.samples import START_NS, truth_sample
 
+
+async def _idle(node: Node, config: ReplayConfig) -> None:
+    del node, config
+
+
+REPLAY = Service("replay", ReplayConfig, (), topics.ALL, _idle, "a replay")
 NOW_NS = START_NS + 86_400 * 10**9
 """A day after the recording."""
 
