@@ -5,7 +5,9 @@ Every status has a shape and a word beside its colour.
 
 from __future__ import annotations
 
-from rich.console import Group, RenderableType
+from dataclasses import dataclass
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
@@ -18,6 +20,13 @@ CHART_S = 60.0
 LEAST_TOP_M = 5.0
 """A chart's full height is never less than this, so that small errors look small."""
 REASON_CHARACTERS = 60
+COLUMNS: tuple[tuple[int, tuple[str, ...]], ...] = (
+    (112, ("method", "status", "age", "lat", "lon", "used", "flagged", "error", "mean", "q95", "minute")),
+    (84, ("method", "status", "age", "used", "flagged", "error", "mean", "q95", "minute")),
+    (64, ("method", "status", "age", "error", "mean", "q95", "minute")),
+    (0, ("method", "status", "age", "error")),
+)
+"""Least width and what is shown from there on; how a fix stands and how old it is never goes."""
 FIX_SHAPES = {"fix": ("●", "green"), "predicted": ("▲", "yellow"), "none": ("■", "red"), "stale": ("◇", "magenta")}
 LEVEL_SHAPES = {"ok": ("●", "green"), "degraded": ("▲", "yellow"), "failed": ("■", "red"), "lost": ("◇", "magenta")}
 
@@ -37,22 +46,46 @@ def render(state: WatchState, now_s: float, language: Language = "en") -> Render
     return Group(*parts)
 
 
+@dataclass(frozen=True, slots=True)
+class _DeviceTable:
+    """Table of one receiver's methods; where the terminal is narrow the less important columns go."""
+
+    device: DeviceView
+    now_s: float
+    language: Language
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """The table, for the width at hand."""
+        del console
+        names = next(columns for least, columns in COLUMNS if options.max_width >= least)
+        rows = self.device.ordered()
+        top_m = max([LEAST_TOP_M, *(error for row in rows for at_s, error in row.errors if at_s >= self._from_s)])
+        table = Table(box=None, expand=True, pad_edge=False)
+        for name in names:
+            title = word(name, self.language, top=top_m)
+            right = name not in ("method", "status", "minute")
+            table.add_column(
+                title,
+                justify="right" if right else "left",
+                no_wrap=name != "status",
+                ratio=1 if name == "minute" else None,
+            )
+        for row in rows:
+            cells = _method_cells(row, self.now_s, self.language)
+            cells["minute"] = Sparkline(list(row.errors), self._from_s, self.now_s, top_m, "cyan")
+            table.add_row(*(cells[name] for name in names))
+        yield table
+
+    @property
+    def _from_s(self) -> float:
+        return self.now_s - CHART_S
+
+
 def _device_panel(device: DeviceView, now_s: float, language: Language) -> RenderableType:
-    rows = device.ordered()
-    recent = [error for row in rows for at_s, error in row.errors if at_s >= now_s - CHART_S]
-    top_m = max([LEAST_TOP_M, *recent])
-    table = Table(box=None, expand=True, pad_edge=False)
-    for name in ("method", "status", "age", "lat", "lon", "used", "flagged", "error", "mean", "q95"):
-        right = name not in ("method", "status")
-        table.add_column(word(name, language), justify="right" if right else "left", no_wrap=name != "status")
-    table.add_column(f"{word('minute', language)} ({word('scale', language, top=top_m)})", ratio=1)
-    for row in rows:
-        table.add_row(
-            *_method_cells(row, now_s, language), Sparkline(list(row.errors), now_s - CHART_S, now_s, top_m, "cyan")
-        )
     title = word("train", language, train=device.train, device=device.device)
     around = device.surroundings(now_s)
-    return Panel(table, title=f"{title} · {around}" if around else title, title_align="left")
+    table = _DeviceTable(device, now_s, language)
+    return Panel(table, title=Text(f"{title} · {around}" if around else title), title_align="left")
 
 
 def fix_status(row: MethodView, now_s: float) -> str:
@@ -60,27 +93,27 @@ def fix_status(row: MethodView, now_s: float) -> str:
     return "stale" if row.stale(now_s) or row.fix is None else row.fix.status
 
 
-def _method_cells(row: MethodView, now_s: float, language: Language) -> list[RenderableType]:
+def _method_cells(row: MethodView, now_s: float, language: Language) -> dict[str, RenderableType]:
+    """Cells by column."""
     status = fix_status(row, now_s)
     shape, colour = FIX_SHAPES[status]
-    now = "" if status != "stale" else "dim"
-    fix = row.fix
+    fix = row.fix if status != "stale" else None
     told = f"{shape} {word(status, language)}"
-    if fix is not None and fix.reason and status != "stale":
+    if fix is not None and fix.reason:
         told += f": {fix.reason[:REASON_CHARACTERS]}"
     name = f"{word(row.method, language)}{' *' if row.primary else ''}"
-    return [
-        Text(name, style="bold" if row.primary else ""),
-        Text(told, style=colour),
-        Text(_age(row.age_s(now_s)), style="bold magenta" if status == "stale" else ""),
-        Text(_degrees(fix.lat_deg if fix else None), style=now),
-        Text(_degrees(fix.lon_deg if fix else None), style=now),
-        Text("-" if fix is None or status == "stale" else str(fix.satellites_used)),
-        Text("-" if fix is None or status == "stale" else str(fix.satellites_flagged)),
-        Text(_metres(None if status == "stale" else row.error_m)),
-        Text(_metres(row.mean_m())),
-        Text(_metres(row.quantile_m(0.95))),
-    ]
+    return {
+        "method": Text(name, style="bold" if row.primary else ""),
+        "status": Text(told, style=colour),
+        "age": Text(_age(row.age_s(now_s)), style="bold magenta" if status == "stale" else ""),
+        "lat": Text(_degrees(fix.lat_deg if fix else None)),
+        "lon": Text(_degrees(fix.lon_deg if fix else None)),
+        "used": Text(str(fix.satellites_used) if fix else "-"),
+        "flagged": Text(str(fix.satellites_flagged) if fix else "-"),
+        "error": Text(_metres(row.error_m if fix else None)),
+        "mean": Text(_metres(row.mean_m())),
+        "q95": Text(_metres(row.quantile_m(0.95))),
+    }
 
 
 def service_level(view: ServiceView, now_s: float) -> str:

@@ -109,8 +109,12 @@ def test_both_languages_have_every_word_with_the_same_places() -> None:
 
 
 @pytest.mark.parametrize("width", [40, 80, 100, 200])
-def test_it_fits_the_terminal(width: int) -> None:
-    assert max(cell_len(line) for line in text_of(driving(), 10.2, width=width).splitlines()) <= width
+def test_it_fits_the_terminal_and_always_says_how_a_fix_stands(width: int) -> None:
+    text = text_of(driving(), 85.0, width=width)
+    assert max(cell_len(line) for line in text.splitlines()) <= width
+    row = line_of(text, "adjust *")
+    assert "◇" in row
+    assert "75 s" in row
 
 
 def test_markup_in_names_and_reasons_is_shown_as_it_is() -> None:
