@@ -48,9 +48,7 @@ def ephemeris_of(record: NavigationRecord) -> Ephemeris:
         msg = f"{year}-{month}-{day} {hour}:{minute}:{second} is no time"
         raise ValueError(msg)
     week, tow_s = gps_from_calendar(year, month, day, hour, minute, second)
-    if record.system == "R":
-        return _glonass(record, week * WEEK_S + tow_s)
-    return _kepler(record, week * WEEK_S + tow_s)
+    return _glonass(record, week, tow_s) if record.system == "R" else _kepler(record, week, tow_s)
 
 
 def _required(record: NavigationRecord, index: int, name: str) -> float:
@@ -65,32 +63,35 @@ def _optional(record: NavigationRecord, index: int) -> float | None:
     return record.values[index] if index < len(record.values) else None
 
 
-def _nearest(within_s: float, period_s: float, near_s: float) -> float:
-    """Time whose remainder by `period_s` is `within_s`, nearest to `near_s`."""
-    away_s = math.remainder(within_s - near_s, period_s)
-    return near_s + away_s
+def _periods(within_s: float, period_s: int, near_s: float) -> int:
+    """Number of periods that bring `within_s` nearest to `near_s`."""
+    return round((near_s - within_s) / period_s)
 
 
-def _kepler(record: NavigationRecord, toc_s: float) -> Ephemeris:
-    """Ephemeris of Keplerian elements; `toc_s` counts from the GPS epoch on the system's own scale."""
-    toe_s = _nearest(_required(record, 11, "toe"), WEEK_S, toc_s)
+def _kepler(record: NavigationRecord, week: int, toc_s: float) -> Ephemeris:
+    """Ephemeris of Keplerian elements; `toc_s` of `week` is the clock's time on the system's own scale."""
+    toe_s = _required(record, 11, "toe")
+    weeks = _periods(toe_s, WEEK_S, toc_s)
+    week, toc_s = week + weeks, toc_s - weeks * WEEK_S
     if abs(toe_s - toc_s) > _DAY_S:
         msg = f"its toe lies {abs(toe_s - toc_s) / 3600:.1f} h from its epoch"
         raise ValueError(msg)
-    _require_week(record, math.floor(toe_s / WEEK_S))
+    _require_week(record, week)
     sqrt_a, eccentricity = _required(record, 10, "sqrt(A)"), _required(record, 8, "eccentricity")
     if not (1_000.0 < sqrt_a < 10_000.0 and 0.0 <= eccentricity < 0.5):  # noqa: PLR2004 - no navigation satellite is there
         msg = f"no orbit has sqrt(A) {sqrt_a} and eccentricity {eccentricity}"
         raise ValueError(msg)
-    ahead_s = _BDT_BEHIND_S if record.system == "C" else 0
-    week, tow_s = divmod(toe_s + ahead_s, WEEK_S)
     sent_s = _sent(_optional(record, 27), WEEK_S, toe_s)
+    if record.system == "C":
+        toe_s, toc_s, sent_s = toe_s + _BDT_BEHIND_S, toc_s + _BDT_BEHIND_S, sent_s + _BDT_BEHIND_S
+    t_ns = unix_ns_from_gps(week, sent_s)
+    over, toe_of_week_s = divmod(toe_s, WEEK_S)
     return Ephemeris(
-        t_ns=_unix_ns(sent_s + ahead_s),
+        t_ns=t_ns,
         satellite=f"{record.system}{record.number:02d}",
-        gps_week=int(week),
-        toe_s=tow_s,
-        toc_s=toc_s + ahead_s - week * WEEK_S,
+        gps_week=week + int(over),
+        toe_s=toe_of_week_s,
+        toc_s=toc_s - over * WEEK_S,
         clock_bias_s=_required(record, 0, "clock bias"),
         clock_drift=_required(record, 1, "clock drift"),
         clock_drift_rate_per_s=_required(record, 2, "clock drift rate"),
@@ -139,19 +140,14 @@ def _require_week(record: NavigationRecord, week: int) -> None:
 
 
 def _sent(written_s: float | None, period_s: int, reference_s: float) -> float:
-    """Transmission time; the reference time where none is written or it cannot be.
+    """Transmission time nearest to the reference time; that itself where none is written or it cannot be.
 
-    Unknown is written as 0.9999E9 (RINEX 3.05, table A6), as -9999 or left blank.
+    Both times count within one week. Unknown is 0.9999E9 (RINEX 3.05, table A6), -9999 or blank.
     """
     if written_s is None or written_s == _UNKNOWN_S or abs(written_s) > 2 * WEEK_S:
         return reference_s
-    sent_s = _nearest(written_s, period_s, reference_s)
+    sent_s = written_s + period_s * _periods(written_s, period_s, reference_s)
     return sent_s if abs(sent_s - reference_s) < _DAY_S else reference_s
-
-
-def _unix_ns(gps_s: float) -> int:
-    week, tow_s = divmod(gps_s, WEEK_S)
-    return unix_ns_from_gps(int(week), tow_s)
 
 
 def is_fnav(record: NavigationRecord) -> bool:
@@ -218,12 +214,11 @@ def _fit_half_s(record: NavigationRecord) -> float:
     return hours * 3600 / 2
 
 
-def _glonass(record: NavigationRecord, tb_utc_s: float) -> Ephemeris:
-    """GLONASS ephemeris; `tb_utc_s` is UTC counted from the GPS epoch without leap seconds."""
-    ahead_s = leap_seconds(tb_utc_s + GPS_EPOCH_UNIX_S)
-    week, tow_s = divmod(tb_utc_s + ahead_s, WEEK_S)
-    period_s = WEEK_S if record.times_within_week else _DAY_S
-    sent_s = _sent(_optional(record, 2), period_s, tb_utc_s)
+def _glonass(record: NavigationRecord, week: int, tb_s: float) -> Ephemeris:
+    """GLONASS ephemeris; `tb_s` of `week` is UTC counted as if it were GPS time."""
+    ahead_s = leap_seconds(week * WEEK_S + tb_s + GPS_EPOCH_UNIX_S)
+    weeks, toe_s = divmod(tb_s + ahead_s, WEEK_S)
+    sent_s = _sent(_optional(record, 2), WEEK_S if record.times_within_week else _DAY_S, tb_s)
     channel = round(_required(record, 10, "frequency channel"))
     if channel >= 128:  # noqa: PLR2004 - written as an unsigned byte
         channel -= 256
@@ -236,14 +231,14 @@ def _glonass(record: NavigationRecord, tb_utc_s: float) -> Ephemeris:
         msg = f"no GLONASS orbit has a radius of {radius_m / _KM:.0f} km"
         raise ValueError(msg)
     return Ephemeris(
-        t_ns=_unix_ns(sent_s + ahead_s),
+        t_ns=unix_ns_from_gps(week, sent_s + ahead_s),
         satellite=f"R{record.number:02d}",
-        gps_week=int(week),
-        toe_s=tow_s,
-        toc_s=tow_s,
+        gps_week=week + int(weeks),
+        toe_s=toe_s,
+        toc_s=toe_s,
         clock_bias_s=_required(record, 0, "-TauN"),
         clock_drift=_required(record, 1, "GammaN"),
-        issue=round((tb_utc_s + _MOSCOW_S) % _DAY_S / _TB_S),
+        issue=round((tb_s + _MOSCOW_S) % _DAY_S / _TB_S),
         healthy=_required(record, 6, "health") == 0.0,
         fit_interval_s=_GLONASS_FIT_S,
         orbit=StateVectorOrbit(

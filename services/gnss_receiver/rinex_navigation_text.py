@@ -57,10 +57,10 @@ def _kepler(ephemeris: Ephemeris, orbit: KeplerOrbit) -> Iterator[str]:
         msg = f"{ephemeris.satellite}: no Keplerian record for system {system}"
         raise ValueError(msg)
     behind_s = _BDT_BEHIND_S if system == "C" else 0
-    toe_s = ephemeris.gps_week * WEEK_S + ephemeris.toe_s - behind_s
-    week, toe_of_week_s = divmod(toe_s, WEEK_S)
+    over, toe_of_week_s = divmod(ephemeris.toe_s - behind_s, WEEK_S)
+    week = ephemeris.gps_week + over
     sent_week, sent_of_week_s = gps_from_unix_ns(ephemeris.t_ns)
-    sent_s = sent_week * WEEK_S + sent_of_week_s - behind_s - week * WEEK_S
+    sent_s = sent_of_week_s - behind_s + (sent_week - week) * WEEK_S
     toc_s = ephemeris.gps_week * WEEK_S + ephemeris.toc_s - behind_s
     delay_s, issue = ephemeris.group_delay_s, float(ephemeris.issue)
     delays = {"E": (None, delay_s), "C": (delay_s, None)}.get(system, (delay_s, issue))
@@ -78,13 +78,13 @@ def _kepler(ephemeris: Ephemeris, orbit: KeplerOrbit) -> Iterator[str]:
 
 def _glonass(ephemeris: Ephemeris, orbit: StateVectorOrbit) -> Iterator[str]:
     utc_ns = unix_ns_from_gps(ephemeris.gps_week, ephemeris.toe_s)
-    since_epoch_s = ephemeris.t_ns / NS - GPS_EPOCH_UNIX_S
+    sent_s = (ephemeris.t_ns - GPS_EPOCH_UNIX_S * NS) % (WEEK_S * NS) / NS
     rows = zip(orbit.position_m, orbit.velocity_mps, orbit.acceleration_mps2, strict=True)
     last = (0.0 if ephemeris.healthy else 1.0, float(orbit.frequency_channel), 0.0)
     yield _first(
         ephemeris,
         utc_ns / NS - GPS_EPOCH_UNIX_S,
-        (ephemeris.clock_bias_s, ephemeris.clock_drift, since_epoch_s % WEEK_S),
+        (ephemeris.clock_bias_s, ephemeris.clock_drift, sent_s),
     )
     for vector, figure in zip(rows, last, strict=True):
         yield _line((*(part / _KM for part in vector), figure))

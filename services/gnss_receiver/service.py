@@ -21,7 +21,7 @@ LONGEST_WAIT_S = 60.0
 PAUSE_S = 1.0
 """Between the end of a recording and its beginning."""
 LATEST_S = 1.0
-"""Epochs later than this (the host slept) are not caught up with: the pace starts anew."""
+"""After an epoch later than this (the host slept) the pace starts anew, instead of catching up in a burst."""
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -80,11 +80,10 @@ async def _play(node: Node, config: Config, observations: Observations, navigati
         interval_s = min(max(now_s - previous_s, 0.0), LONGEST_WAIT_S)
         previous_s = now_s
         due_s += interval_s / config.speed if config.speed else 0.0
-        ahead_s = due_s - node.clock.monotonic_s()
-        if ahead_s < -LATEST_S:
-            due_s -= ahead_s
-        if not await node.sleep(max(ahead_s, 0.0)):
+        if not await node.sleep(max(due_s - node.clock.monotonic_s(), 0.0)):
             return False
+        late_s = node.clock.monotonic_s() - due_s
+        due_s += late_s if late_s > LATEST_S else 0.0
         for ephemeris in choice.changed(now_s):
             await node.publish(GNSS_EPHEMERIS, ephemeris, device=config.device, satellite=ephemeris.satellite)
         await node.publish(GNSS_EPOCH, observations.epoch(index), device=config.device)
