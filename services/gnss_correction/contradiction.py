@@ -22,7 +22,7 @@ MOST_CULPRITS: Final = 4
 _SPARE: Final = 2
 
 _USABLE, _CONTRADICTS = int(Rejection.USABLE), int(Rejection.CONTRADICTS)
-_FIX, _FEW, _CONTRADICTION = int(Outcome.FIX), int(Outcome.TOO_FEW_SATELLITES), int(Outcome.CONTRADICTION)
+_FIX, _CONTRADICTION = int(Outcome.FIX), int(Outcome.CONTRADICTION)
 
 
 @kernel
@@ -48,6 +48,31 @@ def _disagreement_m(rows: Records, tow_s: float, rules: Any, place: Float64s, wo
 
 
 @kernel
+def _culprit(rows: Records, tow_s: float, rules: Any, place: Float64s, work: Workspace) -> tuple[int, float]:  # noqa: ANN401 - numba record
+    """Row without which the others agree best, and their largest residual then; -1 where none helps.
+
+    The row with the largest residual is tried first: mostly it is the one, and that ends the search.
+    """
+    first, largest_m = 0, -1.0
+    for i in range(rows.size):
+        if rows[i].rejection == _USABLE and abs(rows[i].residual_m) > largest_m:
+            first, largest_m = i, abs(rows[i].residual_m)
+    best, smallest_m = -1, np.inf
+    for turn in range(rows.size):
+        i = (first + turn) % rows.size
+        if rows[i].rejection != _USABLE:
+            continue
+        rows[i].rejection = _CONTRADICTS
+        worst_m = _disagreement_m(rows, tow_s, rules, place, work)
+        rows[i].rejection = _USABLE
+        if worst_m < smallest_m:
+            best, smallest_m = i, worst_m
+        if turn == 0 and worst_m <= CONTRADICTION_M:
+            break
+    return best, smallest_m
+
+
+@kernel
 def exclude_contradictions(
     rows: Records,
     tow_s: float,
@@ -58,25 +83,19 @@ def exclude_contradictions(
 ) -> tuple[int, int, int]:
     """Solve without the pseudoranges that contradict the others; outcome, usable rows and unknowns as `locate`.
 
-    `spare` pseudoranges are there beyond the unknowns. Leaves the culprits rejected.
+    `spare` pseudoranges are there beyond the unknowns; `rows` hold the residuals of the solution
+    that showed the contradiction. Leaves the culprits rejected.
     """
     for culprits in range(MOST_CULPRITS):
         if spare - culprits < _SPARE:
             break
-        best, smallest_m = -1, np.inf
-        for i in range(rows.size):
-            before = rows[i].rejection
-            if before != _USABLE:
-                continue
-            rows[i].rejection = _CONTRADICTS
-            worst_m = _disagreement_m(rows, tow_s, rules, place, work)
-            rows[i].rejection = before
-            if worst_m < smallest_m:
-                best, smallest_m = i, worst_m
+        best, smallest_m = _culprit(rows, tow_s, rules, place, work)
         if best < 0:
             break
         rows[best].rejection = _CONTRADICTS
+        place[0], place[1], place[2] = 0.0, 0.0, 0.0
+        outcome, count, size = locate(rows, tow_s, rules, place, False, work)  # noqa: FBT003 - kernels take no keywords
+        take_residuals(rows, work)
         if smallest_m <= CONTRADICTION_M:
-            place[0], place[1], place[2] = 0.0, 0.0, 0.0
-            return locate(rows, tow_s, rules, place, False, work)  # noqa: FBT003 - kernels take no keywords
+            return outcome, count, size
     return _CONTRADICTION, 0, 0

@@ -132,22 +132,18 @@ def tabulate(ephemerides: Sequence[Ephemeris], gps_week: int | None = None) -> E
 
 
 @kernel
-def _select(
-    rows: NDArray[np.void], first: NDArray[np.int64], code: NDArray[np.int64], t_s: NDArray[np.float64]
-) -> NDArray[np.int64]:
-    chosen = np.empty(code.size, np.int64)
-    for i in range(code.size):
-        best, nearest_s = NO_EPHEMERIS, np.inf
-        for row in range(first[code[i]], first[code[i] + 1]):
-            age_s = abs(t_s[i] - rows[row].toe_s)
-            if age_s <= nearest_s:
-                best, nearest_s = row, age_s
-        if best >= 0 and not nearest_s <= rows[best].fit_interval_s:
-            best = STALE
-        elif best >= 0 and rows[best].healthy == 0:
-            best = UNHEALTHY
-        chosen[i] = best
-    return chosen
+def select_row(rows: NDArray[np.void], first: NDArray[np.int64], code: int, t_s: float) -> int:
+    """Row for one satellite and time, or why there is none; see `select`."""
+    best, nearest_s = NO_EPHEMERIS, np.inf
+    for row in range(first[code], first[code + 1]):
+        age_s = abs(t_s - rows[row].toe_s)
+        if age_s <= nearest_s:
+            best, nearest_s = row, age_s
+    if best >= 0 and not nearest_s <= rows[best].fit_interval_s:
+        return STALE
+    if best >= 0 and rows[best].healthy == 0:
+        return UNHEALTHY
+    return best
 
 
 def select(table: EphemerisTable, code: NDArray[np.int64], t_s: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -157,8 +153,8 @@ def select(table: EphemerisTable, code: NDArray[np.int64], t_s: NDArray[np.float
     the one sent last. If that one is older than its fit interval the satellite is STALE, if it
     says so UNHEALTHY: a worse ephemeris never stands in for what the best one says.
     """
-    chosen: NDArray[np.int64] = _select(table.rows, table.first, code, t_s)
-    return chosen
+    pairs = zip(code.tolist(), t_s.tolist(), strict=True)
+    return np.array([select_row(table.rows, table.first, one, time_s) for one, time_s in pairs], np.int64)
 
 
 def selection_reason(table: EphemerisTable, code: int, t_s: float, chosen: int) -> str:

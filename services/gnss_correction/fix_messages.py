@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +11,6 @@ import numpy as np
 
 from schemas.gnss import Fix, Method
 from services.gnss_correction.ephemeris_table import EphemerisTable
-from services.gnss_correction.geodesy import geodetic_from_ecef
 from services.gnss_correction.multipath import Judgement
 from services.gnss_correction.preparation import Prepared
 from services.gnss_correction.rejection import REJECTION_WORDS, Outcome, Rejection
@@ -18,6 +18,17 @@ from services.gnss_correction.settings import Config
 from services.gnss_correction.solver_arrays import Float64s, Records
 
 _FIX = int(Outcome.FIX)
+_FIGURES = (
+    "lat_rad",
+    "lon_rad",
+    "h_m",
+    "ve_mps",
+    "vn_mps",
+    "vu_mps",
+    "clock_m",
+    "sigma_horizontal_m",
+    "hdop",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +63,6 @@ class Corrected:
 def numbers(column: Float64s) -> list[float | None]:
     """List with None for NaN."""
     return [value if value == value else None for value in column.tolist()]  # noqa: PLR0124 - NaN differs from itself
-
-
-def _velocity_enu(epochs: Records, lat_rad: Float64s, lon_rad: Float64s) -> tuple[Float64s, Float64s, Float64s]:
-    """Velocities turned into east, north, up."""
-    sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat_rad), np.cos(lat_rad), np.sin(lon_rad), np.cos(lon_rad)
-    x, y, z = epochs["vx_mps"], epochs["vy_mps"], epochs["vz_mps"]
-    outwards = cos_lon * x + sin_lon * y
-    return cos_lon * y - sin_lon * x, cos_lat * z - sin_lat * outwards, cos_lat * outwards + sin_lat * z
 
 
 def _left_out(rejections: Sequence[int]) -> str:
@@ -103,18 +106,15 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
     """A fix, or the reason why none, for every epoch of the block."""
     solution = corrected.solutions[method]
     epochs = solution.epochs
-    lat_rad, lon_rad, h_m = geodetic_from_ecef(epochs["x_m"], epochs["y_m"], epochs["z_m"])
-    east, north, up = _velocity_enu(epochs, lat_rad, lon_rad)
     columns = zip(
         corrected.t_ns,
         corrected.gps_week,
         corrected.tow_s,
         (epochs["outcome"] == _FIX).tolist(),
         _reasons(corrected, solution),
-        *(numbers(column) for column in (np.degrees(lat_rad), np.degrees(lon_rad), h_m, east, north, up)),
-        *(numbers(epochs[name]) for name in ("clock_m", "sigma_horizontal_m", "hdop")),
         epochs["used"].tolist(),
         corrected.flagged,
+        *(numbers(epochs[name]) for name in _FIGURES),
         strict=True,
     )
     return [
@@ -125,9 +125,9 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
             method=method,
             status="fix" if fixed else "none",
             reason=reason,
-            lat_deg=lat_deg,
-            lon_deg=lon_deg,
-            h_m=height_m,
+            lat_deg=None if lat_rad is None else math.degrees(lat_rad),
+            lon_deg=None if lon_rad is None else math.degrees(lon_rad),
+            h_m=h_m,
             ve_mps=ve_mps,
             vn_mps=vn_mps,
             vu_mps=vu_mps,
@@ -143,16 +143,16 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
             tow_s,
             fixed,
             reason,
-            lat_deg,
-            lon_deg,
-            height_m,
+            used,
+            flagged,
+            lat_rad,
+            lon_rad,
+            h_m,
             ve_mps,
             vn_mps,
             vu_mps,
             clock_m,
             sigma_m,
             hdop,
-            used,
-            flagged,
         ) in columns
     ]

@@ -18,8 +18,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from services.gnss_correction.clock_jump import clock_jump_m
 from services.gnss_correction.settings import Config
@@ -28,8 +27,7 @@ NOMINAL_INTERVAL_S: Final = 0.2
 """Interval to which changes and thresholds are scaled (paper, 4.4)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sight:
+class Sight(NamedTuple):
     """A pseudorange to be judged."""
 
     satellite: int
@@ -41,8 +39,7 @@ class Sight:
     """NaN where it is not known."""
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgement(NamedTuple):
     """What the detector makes of a pseudorange."""
 
     watched_epochs: int

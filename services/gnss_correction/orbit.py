@@ -159,8 +159,8 @@ def _glonass(eph: Any, t_s: float, position: Any, velocity: Any) -> None:  # noq
 
 
 @kernel
-def _state(eph: Any, t_s: float, position: Any, velocity: Any) -> tuple[float, float]:  # noqa: ANN401 - numba record and array rows
-    """Orbit into `position` and `velocity`; clock bias [s] and drift returned."""
+def state_at(eph: Any, t_s: float, position: Any, velocity: Any) -> tuple[float, float]:  # noqa: ANN401 - numba record and array rows
+    """Orbit at system time `t_s` into `position` and `velocity` (3,); gives clock bias [s] and drift [s/s]."""
     since_s = t_s - eph.toc_s
     bias_s = eph.clock_bias_s + since_s * (eph.clock_drift + since_s * eph.clock_drift_rate_per_s) - eph.group_delay_s
     drift = eph.clock_drift + 2.0 * since_s * eph.clock_drift_rate_per_s
@@ -175,24 +175,40 @@ def _state(eph: Any, t_s: float, position: Any, velocity: Any) -> tuple[float, f
 
 
 @kernel
-def _states(
-    rows: NDArray[np.void], row: NDArray[np.int64], t_s: NDArray[np.float64], travel_s: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    position = np.full((row.size, 3), np.nan)
-    velocity = np.full((row.size, 3), np.nan)
-    bias_s = np.full(row.size, np.nan)
-    drift = np.full(row.size, np.nan)
+def state_when_sent(
+    eph: Any,  # noqa: ANN401 - numba record
+    t_receive_s: float,
+    pseudorange_m: float,
+    position: Any,  # noqa: ANN401 - numba array
+    velocity: Any,  # noqa: ANN401 - numba array
+) -> tuple[float, float]:
+    """State at the moment when the signal left that was received at `t_receive_s` by the receiver's clock.
+
+    Reception time minus pseudorange over c is the satellite's own stamp whatever the receiver's
+    clock says; the satellite's clock polynomial turns it into system time (IS-GPS-200,
+    20.3.3.3.3.1; group delay and relativity in it move an orbit by less than 0.3 mm).
+    """
+    stamp_s = t_receive_s - pseudorange_m / LIGHT_MPS
+    since_s = stamp_s - eph.toc_s
+    ahead_s = eph.clock_bias_s + since_s * (eph.clock_drift + since_s * eph.clock_drift_rate_per_s)
+    bias_s, drift = state_at(eph, stamp_s - ahead_s, position, velocity)
+    return bias_s, drift
+
+
+@kernel
+def _states(rows: NDArray[np.void], row: NDArray[np.int64], t_s: NDArray[np.float64]) -> SatelliteStates:
+    states = SatelliteStates(
+        np.full((row.size, 3), np.nan),
+        np.full((row.size, 3), np.nan),
+        np.full(row.size, np.nan),
+        np.full(row.size, np.nan),
+    )
     for i in range(row.size):
-        if row[i] < 0:
-            continue
-        eph = rows[row[i]]
-        sent_s = t_s[i] - travel_s[i]
-        if travel_s[i] != 0.0:
-            # The satellite's clock stamps the signal: system time is the stamp minus the clock's bias.
-            since_s = sent_s - eph.toc_s
-            sent_s -= eph.clock_bias_s + since_s * (eph.clock_drift + since_s * eph.clock_drift_rate_per_s)
-        bias_s[i], drift[i] = _state(eph, sent_s, position[i], velocity[i])
-    return position, velocity, bias_s, drift
+        if row[i] >= 0:
+            states.clock_bias_s[i], states.clock_drift[i] = state_at(
+                rows[row[i]], t_s[i], states.position_m[i], states.velocity_mps[i]
+            )
+    return states
 
 
 def satellite_states(table: EphemerisTable, row: NDArray[np.int64], t_s: NDArray[np.float64]) -> SatelliteStates:
@@ -201,17 +217,4 @@ def satellite_states(table: EphemerisTable, row: NDArray[np.int64], t_s: NDArray
     `t_s` counts from the start of the table's week on the GPS time scale. Negative rows (see
     `ephemeris_table.select`) give NaN.
     """
-    return SatelliteStates(*_states(table.rows, row, t_s, np.zeros_like(t_s)))
-
-
-def transmission_states(
-    table: EphemerisTable, row: NDArray[np.int64], t_receive_s: NDArray[np.float64], pseudorange_m: NDArray[np.float64]
-) -> SatelliteStates:
-    """States at the moment when the signals left that were received at `t_receive_s`.
-
-    Reception time (by the receiver's clock) minus pseudorange over c is the satellite's own
-    stamp whatever the receiver's clock says; its clock polynomial turns it into system time
-    (IS-GPS-200, 20.3.3.3.3.1; the group delay and relativity in it move an orbit by less than
-    0.3 mm). Pseudoranges that are NaN give NaN.
-    """
-    return SatelliteStates(*_states(table.rows, row, t_receive_s, pseudorange_m / LIGHT_MPS))
+    return _states(table.rows, row, t_s)

@@ -123,8 +123,8 @@ class Correction:
         first = prepared.first_row.tolist()
         columns = list(
             zip(
-                prepared.satellite.tolist(),
-                prepared.signal.tolist(),
+                prepared.rows["satellite"].tolist(),
+                prepared.rows["signal"].tolist(),
                 seen["pseudorange_m"].tolist(),
                 seen["range_rate_mps"].tolist(),
                 seen["elevation_rad"].tolist(),

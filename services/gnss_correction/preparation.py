@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from schemas.gnss_time import WEEK_S
 from services.gnss_correction.atmosphere import L1_HZ, LIGHT_MPS
-from services.gnss_correction.ephemeris_table import NO_EPHEMERIS, STALE, UNHEALTHY, EphemerisTable, select
+from services.gnss_correction.ephemeris_table import NO_EPHEMERIS, STALE, UNHEALTHY, EphemerisTable, select_row
+from services.gnss_correction.kernel import kernel
 from services.gnss_correction.orbit import (
     BEIDOU_B1I_HZ,
     GLONASS_L1_HZ,
     GLONASS_L1_STEP_HZ,
-    transmission_states,
+    state_when_sent,
 )
 from services.gnss_correction.rejection import Rejection
-from services.gnss_correction.solver_arrays import ROW, Float64s, Records
+from services.gnss_correction.solver_arrays import ROW, Float64s, Ints, Records
 from services.gnss_receiver.observations import SYSTEMS, Observations
 
 PREFERRED_SIGNALS: Final = {
@@ -41,6 +41,21 @@ STRONGEST_DBHZ: Final = 70.0
 """No civil signal is received as strong; 0 stands for unknown in RINEX."""
 _UNUSABLE: Final = 50
 _NO_PSEUDORANGE: Final = 100
+_BEIDOU, _GLONASS = SYSTEMS.index("C"), SYSTEMS.index("R")
+_USABLE, _MISSING, _NO_SIGNAL = int(Rejection.USABLE), int(Rejection.NO_PSEUDORANGE), int(Rejection.NO_SIGNAL)
+_ABSURD, _NONE, _STALE = int(Rejection.ABSURD_PSEUDORANGE), int(Rejection.NO_EPHEMERIS), int(Rejection.STALE_EPHEMERIS)
+_UNHEALTHY, _NO_ORBIT = int(Rejection.UNHEALTHY), int(Rejection.NO_ORBIT)
+
+
+class Columns(NamedTuple):
+    """Observations as the kernel reads them (its own copies: one kind of array, one compilation)."""
+
+    first_row: Ints
+    satellite: Ints
+    signal: Ints
+    pseudorange_m: Float64s
+    doppler_hz: Float64s
+    cn0_dbhz: Float64s
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,115 +64,139 @@ class Prepared:
 
     t_s: Float64s
     """Shape (epochs,): by the receiver's clock, from the start of the table's week."""
-    first_row: NDArray[np.int64]
+    first_row: Ints
     """Shape (epochs + 1,)."""
-    satellite: NDArray[np.int64]
-    """Satellite codes."""
-    signal: NDArray[np.int64]
     rows: Records
     """Dtype ROW, with what is given filled in."""
-    ephemeris: NDArray[np.int64]
-    """Row of the ephemeris table, or why none (negative)."""
 
 
 @lru_cache(maxsize=64)
-def _priorities(signals: tuple[str, ...], systems: str) -> NDArray[np.int64]:
-    """Priority of each system (row) and signal (column); -1 for systems that are off, _UNUSABLE for other signals."""
+def _ranks(signals: tuple[str, ...], systems: str) -> Ints:
+    """Rank of each system (row) and signal (column): 0 is best, -1 a system that is off, _UNUSABLE another signal."""
     table = np.full((len(SYSTEMS), max(len(signals), 1)), -1, np.int64)
     for system in systems:
         preferred = PREFERRED_SIGNALS[system]
         table[SYSTEMS.index(system)] = [preferred.index(s) if s in preferred else _UNUSABLE for s in signals] or [-1]
-    table.flags.writeable = False
     return table
 
 
-def _choose(observations: Observations, systems: str) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Observation row of each epoch and satellite, the first such row of each epoch, and its priority."""
-    epochs = len(observations)
-    epoch = np.repeat(np.arange(epochs), np.diff(observations.first_row))
-    code = observations.satellite.astype(np.int64)
-    priority = _priorities(observations.signals, systems)[code // 100, observations.signal]
-    priority = priority + np.where(np.isnan(observations.pseudorange_m) & (priority >= 0), _NO_PSEUDORANGE, 0)
-    wanted = np.flatnonzero(priority >= 0)
-    group = epoch[wanted] * 1000 + code[wanted]
-    order = np.lexsort((priority[wanted], group))
-    group = group[order]
-    best = np.ones(group.size, bool)
-    best[1:] = group[1:] != group[:-1]
-    first_row = np.searchsorted(group[best], np.arange(epochs + 1) * 1000).astype(np.int64)
-    chosen = wanted[order][best]
-    return chosen, first_row, priority[chosen]
+@kernel
+def _choose(
+    first: int, last: int, satellite: Ints, signal: Ints, pseudorange_m: Float64s, ranks: Ints, rows: Records
+) -> int:
+    """Sort an epoch's observations by satellite, of each satellite the best signal, into `rows`; gives how many."""
+    count = 0
+    for source in range(first, last):
+        code = satellite[source]
+        rank = ranks[code // 100, signal[source]]
+        if rank < 0:
+            continue
+        if np.isnan(pseudorange_m[source]):
+            rank += _NO_PSEUDORANGE
+        k = count
+        while k > 0 and rows[k - 1].satellite > code:
+            k -= 1
+        if k > 0 and rows[k - 1].satellite == code:
+            if rank < rows[k - 1].rank:
+                rows[k - 1].source, rows[k - 1].rank = source, rank
+            continue
+        for m in range(count, k, -1):
+            rows[m].satellite, rows[m].source, rows[m].rank = (
+                rows[m - 1].satellite,
+                rows[m - 1].source,
+                rows[m - 1].rank,
+            )
+        rows[k].satellite, rows[k].source, rows[k].rank = code, source, rank
+        count += 1
+    return count
 
 
-def _screen(pseudorange_m: Float64s, priority: NDArray[np.int64], ephemeris: NDArray[np.int64]) -> NDArray[np.int64]:
-    """First thing that is wrong with each row, as far as it can be told without its orbit."""
-    in_range = (pseudorange_m > SHORTEST_PSEUDORANGE_M) & (pseudorange_m < LONGEST_PSEUDORANGE_M)
-    return np.select(
-        [
-            np.isnan(pseudorange_m),
-            priority >= _UNUSABLE,
-            ~in_range,
-            ephemeris == NO_EPHEMERIS,
-            ephemeris == STALE,
-            ephemeris == UNHEALTHY,
-        ],
-        [
-            Rejection.NO_PSEUDORANGE,
-            Rejection.NO_SIGNAL,
-            Rejection.ABSURD_PSEUDORANGE,
-            Rejection.NO_EPHEMERIS,
-            Rejection.STALE_EPHEMERIS,
-            Rejection.UNHEALTHY,
-        ],
-        Rejection.USABLE,
-    ).astype(np.int64)
+@kernel
+def _screen(row: Any) -> int:  # noqa: ANN401 - numba record
+    """First thing that is wrong with a row, as far as it can be told without its orbit."""
+    if np.isnan(row.pseudorange_m):
+        return _MISSING
+    if row.rank >= _UNUSABLE:
+        return _NO_SIGNAL
+    if not SHORTEST_PSEUDORANGE_M < row.pseudorange_m < LONGEST_PSEUDORANGE_M:
+        return _ABSURD
+    if row.ephemeris == NO_EPHEMERIS:
+        return _NONE
+    if row.ephemeris == STALE:
+        return _STALE
+    return _UNHEALTHY if row.ephemeris == UNHEALTHY else _USABLE
 
 
-def _carriers_hz(code: NDArray[np.int64], ephemeris: NDArray[np.int64], table: EphemerisTable) -> Float64s:
-    """Carrier of each row; a GLONASS satellite without an ephemeris is taken for channel 0."""
-    carrier_hz = np.full(code.size, L1_HZ)
-    system = code // 100
-    carrier_hz[system == SYSTEMS.index("C")] = BEIDOU_B1I_HZ
-    glonass = system == SYSTEMS.index("R")
-    known = glonass & (ephemeris >= 0)
-    carrier_hz[glonass] = GLONASS_L1_HZ
-    carrier_hz[known] += GLONASS_L1_STEP_HZ * table.rows["frequency_channel"][ephemeris[known]]
-    return carrier_hz
+@kernel
+def _carrier_hz(row: Any, ephemerides: Records) -> float:  # noqa: ANN401 - numba record
+    """Carrier of a row; a GLONASS satellite without an ephemeris is taken for channel 0."""
+    if row.system == _BEIDOU:
+        return BEIDOU_B1I_HZ
+    if row.system != _GLONASS:
+        return L1_HZ
+    if row.ephemeris < 0:
+        return GLONASS_L1_HZ
+    return GLONASS_L1_HZ + GLONASS_L1_STEP_HZ * float(ephemerides[row.ephemeris].frequency_channel)
+
+
+@kernel
+def _place_satellite(row: Any, t_s: float, ephemerides: Records, position: Float64s, velocity: Float64s) -> None:  # noqa: ANN401 - numba record
+    """State of a row's satellite when its signal left; `position`, `velocity` (3,) are scratch."""
+    position[:] = np.nan
+    velocity[:] = np.nan
+    row.clock_m, row.drift_mps = np.nan, np.nan
+    if row.rejection == _USABLE:
+        bias_s, drift = state_when_sent(ephemerides[row.ephemeris], t_s, row.pseudorange_m, position, velocity)
+        row.clock_m, row.drift_mps = bias_s * LIGHT_MPS, drift * LIGHT_MPS
+        radius_m = np.sqrt(position[0] ** 2 + position[1] ** 2 + position[2] ** 2)
+        if not (LOWEST_ORBIT_M < radius_m < HIGHEST_ORBIT_M and np.isfinite(row.clock_m)):
+            row.rejection = _NO_ORBIT
+    row.x_m, row.y_m, row.z_m = position[0], position[1], position[2]
+    row.vx_mps, row.vy_mps, row.vz_mps = velocity[0], velocity[1], velocity[2]
+
+
+@kernel
+def _prepare(
+    columns: Columns, t_s: Float64s, ranks: Ints, ephemerides: Records, first_ephemeris: Ints, rows: Records
+) -> Ints:
+    """Fill `rows` from the front; gives the first row of each epoch and the number of rows."""
+    first_row = np.zeros(t_s.size + 1, np.int64)
+    position, velocity = np.empty(3), np.empty(3)
+    for epoch in range(t_s.size):
+        start = first_row[epoch]
+        first, last = columns.first_row[epoch], columns.first_row[epoch + 1]
+        count = _choose(first, last, columns.satellite, columns.signal, columns.pseudorange_m, ranks, rows[start:])
+        first_row[epoch + 1] = start + count
+        for row in rows[start : start + count]:
+            row.signal, row.system = columns.signal[row.source], row.satellite // 100
+            row.pseudorange_m = columns.pseudorange_m[row.source]
+            row.ephemeris = select_row(ephemerides, first_ephemeris, row.satellite, t_s[epoch])
+            row.rejection = _screen(row)
+            row.carrier_hz = _carrier_hz(row, ephemerides)
+            rate_mps = -LIGHT_MPS / row.carrier_hz * columns.doppler_hz[row.source]
+            row.range_rate_mps = rate_mps if abs(rate_mps) < FASTEST_RANGE_RATE_MPS else np.nan
+            density = columns.cn0_dbhz[row.source]
+            row.cn0_dbhz = density if 0.0 < density < STRONGEST_DBHZ else np.nan
+            _place_satellite(row, t_s[epoch], ephemerides, position, velocity)
+    return first_row
 
 
 def prepare(observations: Observations, table: EphemerisTable, systems: str) -> Prepared:
     """Rows of the selected `systems` (letters of PREFERRED_SIGNALS) with satellites and first rejections.
 
-    Of a satellite's signals the first preferred one with a pseudorange counts, of a satellite
-    that stands twice in an epoch the first. Impossible Dopplers and C/N0 count as missing.
+    Of a satellite's signals the first preferred one with a pseudorange counts, of a signal that
+    stands twice in an epoch the first. Impossible Dopplers and C/N0 count as missing.
     """
-    t_s = (observations.gps_week - table.gps_week) * float(WEEK_S) + observations.tow_s
-    chosen, first_row, priority = _choose(observations, systems)
-    code = observations.satellite[chosen].astype(np.int64)
-    pseudorange_m = np.array(observations.pseudorange_m[chosen])
-    row_t_s = np.repeat(t_s, np.diff(first_row))
-    ephemeris = select(table, code, row_t_s)
-    rejection = _screen(pseudorange_m, priority, ephemeris)
-    states = transmission_states(table, np.where(rejection == Rejection.USABLE, ephemeris, -1), row_t_s, pseudorange_m)
-    radius_m = np.sqrt((states.position_m**2).sum(axis=1))
-    no_orbit = ~((radius_m > LOWEST_ORBIT_M) & (radius_m < HIGHEST_ORBIT_M) & np.isfinite(states.clock_bias_s))
-    rejection[no_orbit & (rejection == Rejection.USABLE)] = Rejection.NO_ORBIT
-    carrier_hz = _carriers_hz(code, ephemeris, table)
-    range_rate_mps = -LIGHT_MPS / carrier_hz * observations.doppler_hz[chosen]
-    range_rate_mps[~(np.abs(range_rate_mps) < FASTEST_RANGE_RATE_MPS)] = np.nan
-    cn0_dbhz = observations.cn0_dbhz[chosen]
-    rows = np.zeros(code.size, ROW)
-    rows["system"], rows["rejection"] = code // 100, rejection
-    rows["x_m"], rows["y_m"], rows["z_m"] = states.position_m.T
-    rows["vx_mps"], rows["vy_mps"], rows["vz_mps"] = states.velocity_mps.T
-    rows["clock_m"], rows["drift_mps"] = states.clock_bias_s * LIGHT_MPS, states.clock_drift * LIGHT_MPS
-    rows["pseudorange_m"], rows["range_rate_mps"], rows["carrier_hz"] = pseudorange_m, range_rate_mps, carrier_hz
-    rows["cn0_dbhz"] = np.where((cn0_dbhz > 0.0) & (cn0_dbhz < STRONGEST_DBHZ), cn0_dbhz, np.nan)
-    return Prepared(
-        t_s=t_s,
-        first_row=first_row,
-        satellite=code,
-        signal=observations.signal[chosen].astype(np.int64),
-        rows=rows,
-        ephemeris=ephemeris,
+    columns = Columns(
+        np.array(observations.first_row, np.int64),
+        np.array(observations.satellite, np.int64),
+        np.array(observations.signal, np.int64),
+        np.array(observations.pseudorange_m, np.float64),
+        np.array(observations.doppler_hz, np.float64),
+        np.array(observations.cn0_dbhz, np.float64),
     )
+    t_s = (observations.gps_week - table.gps_week) * float(WEEK_S) + observations.tow_s
+    rows = np.zeros(columns.satellite.size, ROW)
+    ranks = _ranks(observations.signals, systems)
+    first_row = _prepare(columns, t_s, ranks, table.rows, table.first, rows)
+    return Prepared(t_s, first_row, rows[: first_row[-1]])

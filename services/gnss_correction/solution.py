@@ -47,7 +47,6 @@ def _place_epoch(
             break
     if outcome != _FEW and not take_residuals(rows, work) <= CONTRADICTION_M:
         outcome, count, size = exclude_contradictions(rows, tow_s, rules, place, count - size, work)
-        take_residuals(rows, work)
     solution.used, solution.needed = count, max(size, _FEWEST)
     if outcome != _FIX:
         return outcome
@@ -86,8 +85,8 @@ def _solve_block(
         if solution.outcome != _FIX:
             _look_from_known(seen, known)
             continue
+        solution.lat_rad, solution.lon_rad, solution.h_m = geodetic(place[0], place[1], place[2])
         fit_velocity(seen, solution, place, work)
-        solution.x_m, solution.y_m, solution.z_m = place[0], place[1], place[2]
         known[0], known[1], known[2], known[3] = place[0], place[1], place[2], 1.0
 
 

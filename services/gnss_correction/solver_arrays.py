@@ -34,12 +34,17 @@ _FOUND: Final = ("elevation_rad", "azimuth_rad", "residual_m")
 _WORK: Final = ("line_x", "line_y", "line_z", "modelled_m", "variance_m2")
 
 ROW: Final = np.dtype(
-    [("system", np.int64), ("rejection", np.int64), *((name, np.float64) for name in _GIVEN + _FOUND + _WORK)]
+    [
+        *((name, np.int64) for name in ("source", "rank", "satellite", "signal", "system", "ephemeris", "rejection")),
+        *((name, np.float64) for name in _GIVEN + _FOUND + _WORK),
+    ]
 )
 """One satellite at one epoch.
 
-Given: `system` (index of the constellation), what stands in _GIVEN, and in `rejection` why it may
-not be used so far (see `rejection.Rejection`). Found: `rejection` completed, direction, and the
+Given: `source` (row of the observations) and `rank` of its signal, `satellite` (code), `signal`
+(index), `system` (index of the constellation), `ephemeris` (row of the table, or why none), what
+stands in _GIVEN, and in `rejection` why it may not be used so far (see `rejection.Rejection`).
+Found: `rejection` completed, direction, and the
 residual (measured minus modelled, also of rows that were not used). The rest is working space:
 unit vector towards the satellite, pseudorange without the receiver's clock, its variance.
 """
@@ -52,12 +57,12 @@ SOLUTION: Final = np.dtype(
         *(
             (name, np.float64)
             for name in (
-                "x_m",
-                "y_m",
-                "z_m",
-                "vx_mps",
-                "vy_mps",
-                "vz_mps",
+                "lat_rad",
+                "lon_rad",
+                "h_m",
+                "ve_mps",
+                "vn_mps",
+                "vu_mps",
                 "clock_m",
                 "hdop",
                 "pdop",
@@ -66,7 +71,7 @@ SOLUTION: Final = np.dtype(
         ),
     ]
 )
-"""Solution of one epoch, NaN where there is none (see `rejection.Outcome`), Earth-fixed.
+"""Solution of one epoch, NaN where there is none (see `rejection.Outcome`): place and velocity on WGS 84.
 
 `clock_m` is the receiver clock against the first constellation used, times c; `sigma_horizontal_m`
 the root of the sum of both horizontal variances, by the weights and, where larger, the residuals.

@@ -24,7 +24,10 @@ _UNKNOWNS = 4
 
 @kernel
 def fit_velocity(rows: Records, solution: Any, place: Float64s, work: Workspace) -> None:  # noqa: ANN401 - numba record
-    """Velocity into `solution`, from the satellites that made the position; NaN with fewer than four Dopplers."""
+    """Velocity into `solution`, from the satellites that made the position; NaN with fewer than four Dopplers.
+
+    `solution` knows latitude and longitude of `place` (3,), Earth-fixed.
+    """
     normal, right = work.normal, work.right
     for p in range(_UNKNOWNS):
         right[p] = 0.0
@@ -49,4 +52,9 @@ def fit_velocity(rows: Records, solution: Any, place: Float64s, work: Workspace)
         right[3] += weight * difference_mps
     if count >= _UNKNOWNS and factorise(normal, _UNKNOWNS):
         solve_factorised(normal, _UNKNOWNS, right)
-        solution.vx_mps, solution.vy_mps, solution.vz_mps = right[0], right[1], right[2]
+        sin_lat, cos_lat = np.sin(solution.lat_rad), np.cos(solution.lat_rad)
+        sin_lon, cos_lon = np.sin(solution.lon_rad), np.cos(solution.lon_rad)
+        outwards_mps = cos_lon * right[0] + sin_lon * right[1]
+        solution.ve_mps = cos_lon * right[1] - sin_lon * right[0]
+        solution.vn_mps = cos_lat * right[2] - sin_lat * outwards_mps
+        solution.vu_mps = cos_lat * outwards_mps + sin_lat * right[2]

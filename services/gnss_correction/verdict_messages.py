@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +16,13 @@ from services.gnss_correction.settings import Config
 from services.gnss_receiver.observations import satellite_name
 
 _USABLE, _MULTIPATH = int(Rejection.USABLE), int(Rejection.MULTIPATH)
+_name = lru_cache(maxsize=1024)(satellite_name)
 
 
 class _Seen(NamedTuple):
     """One satellite at one epoch, as the primary method left it."""
 
+    satellite: int
     rejection: int
     pseudorange_m: float | None
     elevation_rad: float | None
@@ -33,7 +36,7 @@ def _rejected_because(corrected: Corrected, seen: _Seen, i: int, t_s: float) -> 
     config, prepared = corrected.config, corrected.prepared
     match Rejection(seen.rejection):
         case Rejection.STALE_EPHEMERIS:
-            return selection_reason(corrected.table, int(prepared.satellite[i]), t_s, int(prepared.ephemeris[i]))
+            return selection_reason(corrected.table, seen.satellite, t_s, int(prepared.rows["ephemeris"][i]))
         case Rejection.ABSURD_PSEUDORANGE:
             return f"absurd pseudorange of {seen.pseudorange_m:.6g} m"
         case Rejection.BELOW_MASK if seen.elevation_rad is not None:
@@ -74,7 +77,7 @@ def _verdict(corrected: Corrected, seen: _Seen, i: int, t_s: float, measured_m: 
         rejected = _rejected_because(corrected, seen, i, t_s)
         reason = f"{rejected}; {reason}" if flagged else rejected
     return SatelliteVerdict(
-        satellite=satellite_name(int(corrected.prepared.satellite[i])),
+        satellite=_name(seen.satellite),
         used=used,
         flagged=flagged,
         multipath_probability=judgement.probability if judgement else None,
@@ -94,7 +97,12 @@ def verdicts_of(corrected: Corrected) -> list[Verdicts]:
     rows = corrected.solutions[corrected.config.method].rows
     seen = [
         _Seen(*one)
-        for one in zip(rows["rejection"].tolist(), *(numbers(rows[name]) for name in _Seen._fields[1:]), strict=True)
+        for one in zip(
+            rows["satellite"].tolist(),
+            rows["rejection"].tolist(),
+            *(numbers(rows[name]) for name in _Seen._fields[2:]),
+            strict=True,
+        )
     ]
     measured_m = numbers(corrected.prepared.rows["pseudorange_m"])
     first = corrected.prepared.first_row.tolist()
