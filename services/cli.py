@@ -6,7 +6,8 @@ import sys
 
 import typer
 
-from services.runtime import bus_command, demo_command
+from services.recorder import command as recorder
+from services.runtime import bench_command, bus_command, demo_command
 from services.runtime import command as runtime
 from services.simulator import command as simulator
 
@@ -22,11 +23,15 @@ app = typer.Typer(
 app.command()(demo_command.demo)
 for command in runtime.app_commands:
     app.command()(command)
+app.command()(recorder.record)
+app.command()(recorder.replay)
+app.add_typer(recorder.recording_app, name="recording")
 app.command()(simulator.simulate)
 app.command()(bus_command.topics)
 app.command()(bus_command.schema)
 app.command()(bus_command.decode)
 app.add_typer(runtime.config_app, name="config")
+app.command()(bench_command.bench)
 
 
 def main() -> None:
