@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import secrets
 import signal
@@ -39,6 +40,8 @@ class NotifyListener(asyncio.DatagramProtocol):
         self.ready = asyncio.Event()
         self.ready_at_s: float | None = None
         self.sign_of_life_s = 0.0
+        self.misconfigured = False
+        """The child has said that it cannot start with its configuration."""
         self._transport: asyncio.DatagramTransport | None = None
 
     async def open(self) -> None:
@@ -57,6 +60,8 @@ class NotifyListener(asyncio.DatagramProtocol):
         if b"READY=1" in lines and self.ready_at_s is None:
             self.ready_at_s = self._clock_s()
             self.ready.set()
+        if b"ERRNO=%d" % errno.EINVAL in lines:
+            self.misconfigured = True
 
     def close(self) -> None:
         """Listen no more."""

@@ -42,9 +42,10 @@ def up(profile: ProfileFile = None) -> None:
 
     Example: kirotei up --profile deploy/profiles/onboard.toml
     """
-    from services.runtime.supervisor import run_profile
+    from services.runtime.supervisor import plans_of, run_supervisor
 
-    run_profile(_load("up", profile))
+    host = _load("up", profile)
+    run_supervisor(host, plans_of(host))
 
 
 def run(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import math
 import os
 import sys
@@ -56,17 +57,19 @@ def run_service(load: Callable[[], Service[Any]], profile: Profile, instance: st
     warning = prepare(state_dir(os.environ, profile.host.state_dir), os.environ)
     if warning:
         log.warning("state_not_kept", text=warning)
+    notifier = Notifier(os.environ)
     try:
         service = load()
         config = profile.service_config(instance, service)
     except ConfigError as error:
         for problem in error.problems:
             log.error("config_invalid", text=problem)  # noqa: TRY400 - the fault is the file's, no traceback helps
+        notifier.failed(errno.EINVAL)
         end_process(1, stream)
     except Exception:  # whatever an import can raise ends the process, with its traceback in the log
         log.exception("load_failed")
         end_process(1, stream)
-    _run_to_the_end(Life(service, config, profile, instance, log, Notifier(os.environ)), stream)
+    _run_to_the_end(Life(service, config, profile, instance, log, notifier), stream)
 
 
 def _run_to_the_end(life: Life, stream: TextIO) -> NoReturn:
@@ -110,6 +113,7 @@ class Life:
                 return 1
             except BusConfigError as error:
                 self.log.error("config_invalid", text=str(error))  # noqa: TRY400 - the words say all
+                self.notifier.failed(errno.EINVAL)
                 return 1
             finally:
                 asked.cancel()

@@ -45,6 +45,10 @@ class Notifier:
         """The service is ending on purpose."""
         self._tell("STOPPING=1")
 
+    def failed(self, error: int) -> None:
+        """The service is about to end because of this (errno.EINVAL: its configuration)."""
+        self._tell(f"ERRNO={error}")
+
     def close(self) -> None:
         """Say nothing any more."""
         if self._socket is not None:

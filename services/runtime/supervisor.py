@@ -28,30 +28,19 @@ HARD_EXIT_S = 4.0
 ROUTER = "router"
 
 
-def run_profile(profile: Profile) -> NoReturn:
-    """Run what a profile names until asked to stop or all is done, and end the process.
-
-    Exit code 1, before anything is started, when the settings of a service are bad; one line
-    per fault. Else as `run_supervisor`.
-    """
-    warning = prepare(state_dir(os.environ, profile.host.state_dir), os.environ)
-    problems = profile_problems(profile)
-    if problems:
-        sys.stderr.write("\n".join(problems) + "\n")
-        end_process(1)
-    run_supervisor(profile, plans_of(profile), warning)
-
-
-def run_supervisor(profile: Profile, plans: tuple[ChildPlan, ...], warning: str | None = None) -> NoReturn:
+def run_supervisor(profile: Profile, plans: tuple[ChildPlan, ...]) -> NoReturn:
     """Run the profile's router and the processes of `plans` until asked to stop, and end the process.
 
     Exit code 0 after a clean stop or when every process has done its work, 1 when the router
-    cannot open. A `warning` about what is not as it should be is logged first.
+    cannot open or a service cannot start with its configuration; then every fault of the
+    profile is told, one per line. The services' modules are imported for that alone: a
+    supervisor stays small.
     """
     stream = sys.stdout
     json = wants_json(profile.host.log, stream)
     colour = not json and wants_colour(os.environ, stream)
     log = configure(profile.host.log, stream, colour=colour, service="supervisor")
+    warning = prepare(state_dir(os.environ, profile.host.state_dir), os.environ)
     if warning:
         log.warning("state_not_kept", text=warning)
     style = OutputStyle(json, colour, max((len(plan.name) for plan in plans), default=0))
@@ -59,7 +48,10 @@ def run_supervisor(profile: Profile, plans: tuple[ChildPlan, ...], warning: str 
     if colour:
         environment["FORCE_COLOR"] = "1"
     supervisor = Supervisor(profile, plans, environment, style, stream, log)
-    end_process(asyncio.Runner().run(supervisor.run()), stream)
+    code = asyncio.Runner().run(supervisor.run())
+    if supervisor.misconfigured:
+        sys.stderr.write("".join(f"{problem}\n" for problem in profile_problems(profile)))
+    end_process(code, stream)
 
 
 def profile_problems(profile: Profile) -> list[str]:
@@ -99,6 +91,8 @@ class Supervisor:
     stream: TextIO
     log: Logger
     clock_s: Callable[[], float] = time.monotonic
+    misconfigured: bool = False
+    """A service could not start with its configuration, and everything was stopped."""
     _children: dict[str, Child] = field(default_factory=dict)
     _waiting: set[str] = field(default_factory=set)
     """Names that have not yet been ready or done."""
@@ -163,8 +157,9 @@ class Supervisor:
                 return
             since_s = child.listener.ready_at_s
             ready_for_s = None if since_s is None else self.clock_s() - since_s
-            if plan.name == ROUTER and ROUTER in self._waiting:
-                self.log.error("router_cannot_open", text=exit_words(code))
+            if plan.name in self._waiting and (plan.name == ROUTER or child.listener.misconfigured):
+                self.misconfigured = plan.name != ROUTER
+                self.log.error("cannot_start", child=plan.name, text=exit_words(code))
                 self._code = 1
                 self._request_stop()
                 return

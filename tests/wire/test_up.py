@@ -190,16 +190,26 @@ def test_a_stock_router_is_used_where_the_profile_says_so(tmp_path: Path, port: 
         assert not [event for event in process.events() if event.get("child") == "router"]
 
 
-def test_every_fault_of_a_profile_is_told_before_anything_starts(tmp_path: Path, port: int) -> None:
+def test_every_fault_of_a_profile_is_told_and_nothing_is_left_running(tmp_path: Path, port: int) -> None:
     tables = '[simulator]\nscenaro = "x"\n[recorder]\nflush_s = -1\n'
     profile = write_profile(tmp_path, port, services=("simulator", "recorder"), more=tables)
     with running(*CLI, "up", "--profile", str(profile)) as process:
         assert process.ended() == 1
-        assert process.lines == []
+        events = process.events()
+        assert not [event for event in events if event["event"] in ("opened", "restarting")]
         assert process.errors == [
             f"{profile}: simulator.scenaro: unknown field, did you mean scenario?",
             f"{profile}: recorder.flush_s: expected float >= 0.05 and <= 60, got -1",
         ]
+    assert not _processes_naming(profile)
+
+
+def test_a_fault_of_the_shared_part_starts_nothing(tmp_path: Path, port: int) -> None:
+    profile = write_profile(tmp_path, port, services=("recorderr",))
+    with running(*CLI, "up", "--profile", str(profile)) as process:
+        assert process.ended() == 1
+        assert process.lines == []
+        assert process.errors == [f"{profile}: services[0]: no service 'recorderr', did you mean recorder?"]
 
 
 def test_text_output_names_its_sender_and_how_to_subscribe(profile: Path, port: int) -> None:

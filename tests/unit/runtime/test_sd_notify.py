@@ -31,12 +31,13 @@ def test_every_word_arrives(address: str) -> None:
         notifier.status("two\nlines")
         notifier.watchdog()
         notifier.stopping()
-        heard = [ear.recv(100) for _ in range(4)]
+        notifier.failed(22)
+        heard = [ear.recv(100) for _ in range(5)]
         notifier.close()
         notifier.ready()
         with pytest.raises(BlockingIOError):
             ear.recv(100)
-    assert heard == [b"READY=1", b"STATUS=two lines", b"WATCHDOG=1", b"STOPPING=1"]
+    assert heard == [b"READY=1", b"STATUS=two lines", b"WATCHDOG=1", b"STOPPING=1", b"ERRNO=22"]
 
 
 @pytest.mark.parametrize("where", ["", "@", "@nobody-listens-here", "/nonexistent/notify", "relative", "/" + "x" * 300])
