@@ -16,6 +16,15 @@ def utc(time_ns: int) -> str:
     return f"{datetime.fromtimestamp(time_ns // 10**9, UTC):%Y-%m-%d %H:%M:%S}.{time_ns // 10**6 % 1000:03d}"
 
 
+def megabytes(octets: float) -> str:
+    """Size in words.
+
+    >>> megabytes(12_345_678), megabytes(2_500)
+    ('12.3 MB', '2.5 kB')
+    """
+    return f"{octets / 1e6:.1f} MB" if octets >= 1e6 else f"{octets / 1e3:.1f} kB"  # noqa: PLR2004 - a megabyte
+
+
 def contents_json(contents: Contents) -> dict[str, object]:
     """Everything, for a program."""
     return {
@@ -51,7 +60,7 @@ def contents_text(contents: Contents) -> str:
     """A table for a person."""
     first_ns, last_ns = contents.first_ns, contents.last_ns
     state = "complete" if contents.complete else "unfinished"
-    head = f"{contents.path}: {state}, {contents.file_bytes / 1e6:.2f} MB, {contents.messages} messages"
+    head = f"{contents.path}: {state}, {megabytes(contents.file_bytes)}, {contents.messages} messages"
     lines = [head]
     if first_ns is not None and last_ns is not None:
         lines.append(f"{utc(first_ns)} to {utc(last_ns)} UTC, {(last_ns - first_ns) / 1e9:.1f} s")

@@ -13,9 +13,10 @@ from typing import NoReturn
 
 from schemas.topics import Place
 from services.recorder.bus_session_command import BusSession
+from services.recorder.contents_words import megabytes
 from services.recorder.mcap_file import RecordingWriter, UnrecordableError
 from services.recorder.part_file import PartFile
-from services.recorder.progress_command import ProgressLine, megabytes
+from services.recorder.progress_command import ProgressLine
 from services.runtime.node import Node, Sample
 from services.runtime.zenoh_node import ZenohNode
 

@@ -32,12 +32,3 @@ class ProgressLine:
         if self._terminal:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
-
-
-def megabytes(octets: float) -> str:
-    """Size in words.
-
-    >>> megabytes(12_345_678), megabytes(2_500)
-    ('12.3 MB', '2.5 kB')
-    """
-    return f"{octets / 1e6:.1f} MB" if octets >= 1e6 else f"{octets / 1e3:.1f} kB"  # noqa: PLR2004 - a megabyte

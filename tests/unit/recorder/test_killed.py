@@ -29,7 +29,7 @@ for start in itertools.count(0, 50):
 
 
 def test_what_was_flushed_before_kill_9_is_all_there_after_the_next_start(tmp_path: Path) -> None:
-    with subprocess.Popen(  # noqa: S603 - our own words
+    with subprocess.Popen(
         [sys.executable, "-c", RECORDING, str(tmp_path)], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None

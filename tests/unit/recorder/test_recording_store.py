@@ -162,13 +162,13 @@ def tiny_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of two megabytes."""
     disk = tmp_path / "disk"
     disk.mkdir()
-    made = subprocess.run(  # noqa: S603 - fixed words
+    made = subprocess.run(
         ["/usr/bin/env", "mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(disk)], check=False, capture_output=True
     )
     if made.returncode != 0:
         pytest.skip(f"may not mount a tmpfs: {made.stderr.decode().strip()}")
     yield disk
-    subprocess.run(["/usr/bin/env", "umount", str(disk)], check=True)  # noqa: S603 - fixed words
+    subprocess.run(["/usr/bin/env", "umount", str(disk)], check=True)
 
 
 def test_a_full_disk_is_told_and_survived(tiny_disk: Path) -> None:
@@ -237,7 +237,7 @@ store.close()
 
 
 def test_a_file_that_may_not_grow_further_is_given_up_for_a_new_one(tmp_path: Path) -> None:
-    done = subprocess.run(  # noqa: S603 - our own words
+    done = subprocess.run(
         [sys.executable, "-c", LIMITED, str(tmp_path)], check=True, capture_output=True, timeout=60, text=True
     )
     faults, recorded_count, lost = map(int, done.stdout.split())
