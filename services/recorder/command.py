@@ -160,7 +160,7 @@ def _replayed_text(done: Replayed, out: Path) -> str:
     factor = f" ({done.recorded_s / done.took_s:.0f} x real time)" if done.took_s > 0.0 else ""
     return (
         f"{out}: {done.published} messages published by hearing {done.fed} ({done.left_out} others left out)\n"
-        f"{done.recorded_s:.1f} s of recording in {done.took_s:.2f} s{factor}"
+        f"{done.recorded_s:.1f} s of recording in {done.took_s:.2f} s{factor}, after {done.start_s:.2f} s of start"
     )
 
 

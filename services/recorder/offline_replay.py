@@ -64,6 +64,8 @@ class OfflineReplay:
     parts: Sequence[Part]
     published: Callable[[Sample], None]
     place: Place | None = None
+    started: Callable[[], None] | None = None
+    """Called when a service has started at a place."""
     fed: int = 0
     left_out: int = 0
     """Outputs that the services had published when it was recorded, and what none of them reads."""
@@ -167,6 +169,8 @@ class OfflineReplay:
         self._runs[part.instance, place] = _Run(part, node, task)
         self.loop.settle()
         self._look()
+        if self.started is not None:
+            self.started()
 
     def _look(self) -> None:
         """Raise ReplayError when a service has failed."""
@@ -193,10 +197,11 @@ def replay(
     parts: Sequence[Part],
     published: Callable[[Sample], None],
     place: Place | None = None,
+    started: Callable[[], None] | None = None,
 ) -> OfflineReplay:
     """Run recorded samples through services; returns the counts. Raises ReplayError."""
     with manual_loop() as loop:
-        run = OfflineReplay(loop, parts, published, place)
+        run = OfflineReplay(loop, parts, published, place, started)
         for sample in samples:
             run.feed(sample)
         run.finish()

@@ -37,7 +37,10 @@ class Replayed:
     published: int
     recorded_s: float
     """Time between the first and the last message fed."""
+    start_s: float
+    """Until the first service had started: kernels loaded or compiled."""
     took_s: float
+    """From then on."""
 
 
 def parts_of(instances: str, config: Path | None) -> list[Part]:
@@ -82,7 +85,8 @@ def run_offline_replay(
 
     Raises ReplayError, RecordingError, OSError; `out` is then as it was before.
     """
-    started_s = time.monotonic()
+    begun_s = time.monotonic()
+    starts_s: list[float] = []
     file_out = PartFile(out, overwrite=True)
     try:
         writer = RecordingWriter(file_out)
@@ -92,14 +96,18 @@ def run_offline_replay(
             if file_out.pending_bytes >= COMMIT_BYTES:
                 file_out.commit()
 
-        done = replay(_told(file, key_expression), parts, keep, place)
+        done = replay(
+            _told(file, key_expression), parts, keep, place, lambda: starts_s.append(time.monotonic() - begun_s)
+        )
         _require_fed(done, file)
         writer.finish()
         file_out.complete()
     except BaseException:
         file_out.discard()
         raise
-    return Replayed(done.fed, done.left_out, writer.messages, done.elapsed_s, time.monotonic() - started_s)
+    start_s = starts_s[0]
+    took_s = time.monotonic() - begun_s - start_s
+    return Replayed(done.fed, done.left_out, writer.messages, done.elapsed_s, start_s, took_s)
 
 
 def _require_fed(done: OfflineReplay, file: Path) -> None:

@@ -28,7 +28,6 @@ from tests.unit.recorder.samples import START_NS, TRAIN
 
 DRIVE_S = 20.0
 OUTPUTS = (topics.GNSS_FIX, topics.GNSS_COMPARISON, topics.GNSS_VERDICT)
-REPLAY = "import sys, typer; from services.recorder.command import replay; typer.run(replay)"
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +70,8 @@ def test_two_replays_in_processes_that_hash_differently_give_identical_files(rec
     results = []
     for seed in ("1", "2"):
         out = tmp_path / f"{seed}.mcap"
-        command = [sys.executable, "-c", REPLAY, str(recording), "--through", "gnss_correction", "--out", str(out)]
+        command = [sys.executable, "-m", "services.cli", "replay", str(recording)]
+        command += ["--through", "gnss_correction", "--out", str(out)]
         environment = {**os.environ, "PYTHONHASHSEED": seed}
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
         assert done.returncode == 0, done.stderr

@@ -15,9 +15,10 @@ import pytest
 from schemas import topics
 from schemas.health import ServiceEvent
 from schemas.topics import Place
+from services.recorder.contents_file import contents_of
 from services.recorder.mcap_file import RecordingWriter
 from services.recorder.part_file import PartFile
-from services.recorder.recording_file import read_recording
+from services.recorder.recording_file import read_recording, require_complete
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, RouterConfig
 from services.runtime.node import Node, Sample, Service
@@ -26,15 +27,6 @@ from services.runtime.zenoh_node import ZenohNode
 from tests.unit.recorder.samples import TRAIN, truth_sample
 from tests.wire.ports import free_port
 
-COMMANDS = """
-import sys, typer
-from services.recorder import command
-app = typer.Typer()
-for function in command.app_commands:
-    app.command()(function)
-app.add_typer(command.recording_app, name="recording")
-app(sys.argv[1:])
-"""
 LIMIT_S = 30.0
 
 
@@ -62,7 +54,7 @@ async def joined(name: str, endpoint: str, place: Place = TRAIN) -> AsyncIterato
 
 async def command(*words: str) -> asyncio.subprocess.Process:
     return await asyncio.create_subprocess_exec(
-        sys.executable, "-c", COMMANDS, *words, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
+        sys.executable, "-m", "services.cli", *words, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
     )
 
 
@@ -103,6 +95,57 @@ async def test_record_until_ctrl_c_and_nothing_of_an_event_topic_is_missing(endp
     samples = list(read_recording(out))
     assert [sample.key for sample in samples] == [topics.SERVICE_EVENT.at(TRAIN, service="speaker")] * 100
     assert len({sample.attachment for sample in samples}) == 100
+
+
+PROFILE = """
+[place]
+line = "demo"
+kind = "train"
+name = "T1"
+[bus]
+connect = ["{endpoint}"]
+[recorder]
+folder = "{folder}"
+flush_s = 0.1
+"""
+
+
+def file_with(folder: Path, count: int) -> Path | None:
+    """File in the folder that holds so many messages."""
+    return next((path for path in folder.glob("*.mcap*") if contents_of(path).messages >= count), None)
+
+
+async def recorded_at_least(folder: Path, count: int) -> Path:
+    """File in the folder once it holds so many messages."""
+    async with asyncio.timeout(LIMIT_S):
+        while (path := file_with(folder, count)) is None:
+            await asyncio.sleep(0.05)
+    return path
+
+
+async def test_a_recorder_that_is_killed_loses_nothing_that_was_flushed(endpoint: str, tmp_path: Path) -> None:
+    folder, profile = tmp_path / "recordings", tmp_path / "host.toml"
+    profile.write_text(PROFILE.format(endpoint=endpoint, folder=folder))
+    async with joined("speaker", endpoint) as node:
+        first = await command("run", "recorder", "--config", str(profile))
+        for index in range(100):
+            await node.publish(topics.SERVICE_EVENT, event(index), service="speaker")
+        part = await recorded_at_least(folder, 100)
+        first.kill()
+        await outcome(first)
+        before = contents_of(part).messages
+        second = await command("run", "recorder", "--config", str(profile))
+        repaired = folder / part.name.removesuffix(".part")
+        async with asyncio.timeout(LIMIT_S):
+            while not repaired.exists():  # noqa: ASYNC110 - another process writes it
+                await asyncio.sleep(0.05)
+        second.terminate()
+        code, _, error = await outcome(second)
+    assert (code, error) == (0, "")
+    assert len(list(read_recording(repaired))) == before >= 100
+    assert not list(folder.glob("*.part"))
+    for path in folder.iterdir():
+        require_complete(path)
 
 
 async def test_replay_speaks_with_the_original_keys_and_bytes_and_its_own_mark(endpoint: str, tmp_path: Path) -> None:

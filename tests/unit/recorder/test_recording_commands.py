@@ -8,10 +8,9 @@ import shutil
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner, Result
 
-from services.recorder import command
+from services.cli import app
 from services.recorder.contents_words import utc
 from services.recorder.file_names import is_own, recording_stem
 from services.recorder.mcap_file import RecordingWriter
@@ -19,11 +18,6 @@ from services.recorder.offline_replay_command import parts_of, place_of
 from services.recorder.part_file import PartFile
 from services.runtime.node import Sample
 from tests.unit.recorder.samples import START_NS, TRAIN, truth_sample
-
-app = typer.Typer()
-for function in command.app_commands:
-    app.command()(function)
-app.add_typer(command.recording_app, name="recording")
 
 
 def kirotei(*words: str | Path) -> Result:
