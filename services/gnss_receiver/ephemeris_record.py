@@ -1,6 +1,6 @@
 """Ephemerides from the records of a navigation file, all on the GPS time scale.
 
-Sources: IS-GPS-200N; Galileo OS SIS ICD 2.1 and OS SDD 1.3; BDS-SIS-ICD-B1I 3.0; IS-QZSS-PNT-005;
+Sources: IS-GPS-200N; Galileo OS SIS ICD 2.1 and OS SDD; BDS-SIS-ICD-B1I 3.0; IS-QZSS-PNT-006;
 GLONASS ICD 5.1; their layout in RINEX 3.05, tables A6 to A14.
 """
 
@@ -19,18 +19,19 @@ _BDT_FIRST_WEEK = 1356
 """GPS week of 2006-01-01, week 0 of BeiDou (the same)."""
 _GPS_WEEKS = 1024
 _FIT_HALF_S = {"E": 4 * 3600.0, "C": 2 * 3600.0, "J": 2 * 3600.0}
-"""Galileo: OS SDD 1.3, 2.3.1.3 (at most 4 h old); BeiDou: renewed hourly, one missed; QZSS: IS-QZSS-PNT, fit of 2 h."""
+"""Galileo: at most 4 h (OS SDD); BeiDou: renewed hourly, one missed; QZSS: IS-QZSS-PNT, fit of 2 h."""
 _GLONASS_FIT_S = 1800.0
-"""Renewed every 30 min for the 15 min around tb (GLONASS ICD 5.1, 4.4); one missed record is bridged."""
+"""Renewed every 30 min for the 15 min around tb (GLONASS ICD 5.1, word tb); one missed record is bridged."""
 _GPS_FIT_HOURS = 4.0
 _GPS_EXTENDED_HOURS = 6.0
 """Shortest interval that a raised fit interval flag can mean (IS-GPS-200N, 20.3.4.4)."""
 _GPS_LONGEST_HOURS = 146.0
 _INAV_E1, _FNAV = 0b111, 0b111000
 _FNAV_CLOCK = 1 << 8
-_QZSS_L1CB = 0b1
+_QZSS_EITHER = 0b010001
+"""L1C/A and L1C/B: a satellite sends one of them and calls the other unhealthy; the highest bit judges the one sent."""
 _SISA_STEPS_M = ((50, 0.0, 0.01), (75, 0.5, 0.02), (100, 1.0, 0.04), (126, 2.0, 0.16))
-"""Galileo OS SIS ICD 2.1, table 89: below this index, from this figure, in steps of this."""
+"""Galileo OS SIS ICD 2.1, SISA index: below this index, from this figure, in steps of this."""
 _MOST_SISA_M = 6.0
 _UNKNOWN_S = -9999.0
 _KM = 1000.0
@@ -167,10 +168,9 @@ def _group_delay_s(record: NavigationRecord) -> float:
 def _healthy(record: NavigationRecord) -> bool:
     """Whether the satellite says that its first frequency may be used.
 
-    GPS: all health bits zero (IS-GPS-200N, 20.3.3.3.1.4). QZSS: likewise, but for the L1C/B bit, set on
-    satellites that do not send it (IS-QZSS-PNT). BeiDou: SatH1. Galileo: data validity and signal
-    health of E1-B with I/NAV, of E5a with F/NAV (RINEX 3.05, table A8), and an accuracy prediction
-    (OS SDD 1.3, 2.3.1.4).
+    GPS: all health bits zero (IS-GPS-200N, 20.3.3.3.1.4). QZSS: likewise, but for those of L1C/A and L1C/B
+    (IS-QZSS-PNT-006, 4.1.2.3). BeiDou: SatH1. Galileo: data validity and signal health of E1-B with I/NAV,
+    of E5a with F/NAV (RINEX 3.05, table A8), and an accuracy prediction (OS SDD).
     """
     word = round(_required(record, 24, "health"))
     match record.system:
@@ -179,7 +179,7 @@ def _healthy(record: NavigationRecord) -> bool:
             predicted = sisa_m is None or 0.0 <= sisa_m < 255.0  # noqa: PLR2004 - index of 'no prediction'
             return not word & (_FNAV if is_fnav(record) else _INAV_E1) and predicted
         case "J":
-            return not word & ~_QZSS_L1CB
+            return not word & ~_QZSS_EITHER
         case _:
             return word == 0
 
@@ -222,7 +222,7 @@ def _glonass(record: NavigationRecord, week: int, tb_s: float) -> Ephemeris:
     channel = round(_required(record, 10, "frequency channel"))
     if channel >= 128:  # noqa: PLR2004 - written as an unsigned byte
         channel -= 256
-    if not -7 <= channel <= 13:  # noqa: PLR2004 - GLONASS ICD 5.1, table 3.1
+    if not -7 <= channel <= 13:  # noqa: PLR2004 - GLONASS ICD 5.1, 3.3.1; above 6 until 2005
         msg = f"GLONASS has no frequency channel {channel}"
         raise ValueError(msg)
     position = _metres(record, 3, "position")

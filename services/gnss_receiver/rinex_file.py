@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+import zipfile
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,6 +19,9 @@ MAX_BYTES = 4 << 30
 """What unpacks to more is refused: it would not fit into the memory of a train's computer."""
 _GZIP, _LZW, _BZIP2, _ZIP = b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK\x03\x04"
 _GZIP_WINDOW = 16 + zlib.MAX_WBITS
+
+# Hatanaka's own and an encrypted zip are RuntimeErrors; bz2 and compress raise the others.
+_UNPACKING_ERRORS = (RuntimeError, ValueError, OSError, EOFError, zlib.error, zipfile.BadZipFile)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +90,6 @@ def _unpack(content: bytes, path: Path) -> Unpacked:
         warnings.simplefilter("always")
         try:
             plain = hatanaka.decompress(content, skip_strange_epochs=True)
-        except (hatanaka.HatanakaException, ValueError, OSError, EOFError, zlib.error) as error:
+        except _UNPACKING_ERRORS as error:
             raise RinexError(str(path), 0, f"it cannot be unpacked ({error}); get the file again") from error
     return Unpacked(plain, tuple(FileIssue(str(path), 0, " ".join(str(warning.message).split())) for warning in said))

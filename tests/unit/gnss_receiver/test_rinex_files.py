@@ -99,6 +99,18 @@ def test_a_damaged_packing_says_so(tmp_path: Path) -> None:
         read_observations(path)
 
 
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])  # one file each
+@given(
+    magic=st.sampled_from((b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK\x03\x04", hatanaka.rnx2crx(THREE)[:200])),
+    rest=st.binary(max_size=300),
+)
+def test_a_packing_full_of_garbage_says_so(tmp_path: Path, magic: bytes, rest: bytes) -> None:
+    path = tmp_path / "garbage"
+    path.write_bytes(magic + rest)
+    with pytest.raises(RinexError, match="garbage"):
+        read_observations(path)
+
+
 def test_epochs_that_the_compact_form_lost_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "lost.crx"
     lines = hatanaka.rnx2crx(text_of(header_3()[:1], _MORE, header_3()[1:], *(epoch_3(index) for index in range(4))))

@@ -172,7 +172,9 @@ def test_use_of_other_systems_is_limited(system: str, half_s: float) -> None:
         ("G", 1.0, 1.0, False),
         ("J", 1.0, 0.0, True),
         ("J", 1.0, 1.0, True),  # L1C/B is not sent, and said to be unhealthy
-        ("J", 1.0, 16.0, False),
+        ("J", 1.0, 16.0, True),  # L1C/B is sent instead of L1C/A
+        ("J", 1.0, 33.0, False),  # neither is well
+        ("J", 1.0, 4.0, False),
         ("C", 0.0, 1.0, False),
         ("E", 517.0, 0.0, True),
         ("E", 517.0, 1.0, False),  # E1-B data not valid
