@@ -118,7 +118,7 @@ def file_with(folder: Path, count: int) -> Path | None:
 async def recorded_at_least(folder: Path, count: int) -> Path:
     """File in the folder once it holds so many messages."""
     async with asyncio.timeout(LIMIT_S):
-        while (path := file_with(folder, count)) is None:
+        while (path := file_with(folder, count)) is None:  # noqa: ASYNC110 - another process writes it
             await asyncio.sleep(0.05)
     return path
 
