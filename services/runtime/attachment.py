@@ -20,6 +20,9 @@ class Attachment(msgspec.Struct, frozen=True, array_like=True, gc=False):
     """UTC in Unix nanoseconds by the sender's clock."""
 
 
+UNMARKED = Attachment("", "", -1, 0)
+"""Stands for the mark of a sender who set none."""
+
 _ENCODER = msgspec.msgpack.Encoder()
 _DECODER = msgspec.msgpack.Decoder(Attachment)
 encode_attachment = _ENCODER.encode

@@ -16,17 +16,11 @@ from schemas.topics import TopicTable
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
 from services.runtime.node import Arrival, Sample
-from services.runtime.opener import Opener
+from services.runtime.opener import Opener, arrival_of
 
 DEFAULT_CAPACITY = 4096
 BATCH = 256
 """Samples handed on before other tasks of the loop get their turn."""
-
-
-async def messages_of(arrivals: AsyncIterator[Arrival[Message]]) -> AsyncIterator[Message]:
-    """The messages of arrivals, without their senders."""
-    async for arrival in arrivals:
-        yield arrival.message
 
 
 class Inbox:
@@ -151,9 +145,26 @@ class Inbox:
         try:
             while await self._wait():
                 for _ in range(min(len(queue), BATCH)):
-                    arrival = opener.open(queue.popleft(), self._now_s)
-                    if arrival is not None:
-                        yield arrival
+                    sample = queue.popleft()
+                    opened = opener.open(sample, self._now_s)
+                    if opened is not None:
+                        message, sent, address = opened
+                        yield arrival_of(message, sample, sent, address)
+                if queue:
+                    await asyncio.sleep(0)
+        finally:
+            self._closed = True
+
+    async def messages(self, table: TopicTable) -> AsyncIterator[Message]:
+        """The messages of `arrivals` alone."""
+        queue = self._queue
+        opener = Opener(table, self._health)
+        try:
+            while await self._wait():
+                for _ in range(min(len(queue), BATCH)):
+                    opened = opener.open(queue.popleft(), self._now_s)
+                    if opened is not None:
+                        yield opened[0]
                 if queue:
                     await asyncio.sleep(0)
         finally:

@@ -19,7 +19,7 @@ from schemas.topics import TABLE, Delivery, Place, Topic, TopicError, TopicTable
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
-from services.runtime.inbox import DEFAULT_CAPACITY, Inbox, messages_of
+from services.runtime.inbox import DEFAULT_CAPACITY, Inbox
 from services.runtime.key_expression import intersects
 from services.runtime.node import Sample, Service
 
@@ -139,20 +139,22 @@ class MemoryNode:
 
     def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Any]:
         """Messages with their senders; see `Node.arrivals`."""
-        for topic in topics:
-            self._service.require_read(topic)
-        expressions = tuple(
-            topic.anywhere(self.place.line) if anywhere else topic.within(self.place) for topic in topics
-        )
-        return self._open_inbox(expressions).arrivals(self._bus.table)
+        return self._read(topics, anywhere=anywhere).arrivals(self._bus.table)
 
     def messages(self, *topics: Topic[Any]) -> AsyncIterator[Any]:
         """Messages alone; see `Node.messages`."""
-        return messages_of(self.arrivals(*topics))
+        return self._read(topics, anywhere=False).messages(self._bus.table)
 
     def samples(self, key_expression: str) -> AsyncIterator[Sample]:
         """Undecoded publications; see `Node.samples`."""
         return self._open_inbox((key_expression,)).samples()
+
+    def _read(self, topics: tuple[Topic[Any], ...], *, anywhere: bool) -> Inbox:
+        for topic in topics:
+            self._service.require_read(topic)
+        return self._open_inbox(
+            tuple(topic.anywhere(self.place.line) if anywhere else topic.within(self.place) for topic in topics)
+        )
 
     def _open_inbox(self, expressions: tuple[str, ...]) -> Inbox:
         inbox = Inbox(self.clock, self.health, self._capacity)

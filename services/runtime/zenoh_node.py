@@ -17,7 +17,7 @@ from services.runtime.alive import AliveChange, Token, tokens_anywhere
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
 from services.runtime.host_config import BusConfig
-from services.runtime.inbox import DEFAULT_CAPACITY, Inbox, messages_of
+from services.runtime.inbox import DEFAULT_CAPACITY, Inbox
 from services.runtime.node import Sample, Service
 from services.runtime.zenoh_liveliness import AliveWatch, IdentityTakenError, claim, tokens_alive
 from services.runtime.zenoh_publishers import Outlet, Sender, declare
@@ -138,6 +138,13 @@ class ZenohNode:
 
     def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Any]:
         """Messages with their senders; see `Node.arrivals`."""
+        return self._read(topics, anywhere=anywhere).arrivals(TABLE)
+
+    def messages(self, *topics: Topic[Any]) -> AsyncIterator[Any]:
+        """Messages alone; see `Node.messages`."""
+        return self._read(topics, anywhere=False).messages(TABLE)
+
+    def _read(self, topics: tuple[Topic[Any], ...], *, anywhere: bool) -> Inbox:
         for topic in topics:
             self._service.require_read(topic)
         lossless = any(topic.delivery in (Delivery.EVENT, Delivery.KEPT) for topic in topics)
@@ -145,11 +152,7 @@ class ZenohNode:
         for topic in topics:
             expression = topic.anywhere(self.place.line) if anywhere else topic.within(self.place)
             self._subscribe(expression, inbox, topic.delivery)
-        return inbox.arrivals(TABLE)
-
-    def messages(self, *topics: Topic[Any]) -> AsyncIterator[Any]:
-        """Messages alone; see `Node.messages`."""
-        return messages_of(self.arrivals(*topics))
+        return inbox
 
     def samples(self, key_expression: str) -> AsyncIterator[Sample]:
         """Undecoded publications; see `Node.samples`."""

@@ -1,0 +1,258 @@
+"""The processes of the bus benchmark: router, publisher, receiver."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import Literal
+
+import msgspec
+import zenoh
+
+from schemas.codec import decode, encode
+from schemas.position import TrainTruth
+from schemas.topics import TRAIN_TRUTH, Place
+from services.runtime.attachment import Attachment, encode_attachment
+from services.runtime.clock import LiveClock
+from services.runtime.host_config import BusConfig, RouterConfig
+from services.runtime.node import Node, Service
+from services.runtime.router import open_router
+from services.runtime.zenoh_config import client_config
+from services.runtime.zenoh_node import ZenohNode
+from services.runtime.zenoh_session import close_session
+
+By = Literal["raw", "node"]
+PAYLOAD_BYTES = 195
+PLACE = Place("bench", "train", "T1")
+DEVICE = "front"
+KEY = TRAIN_TRUTH.at(PLACE, device=DEVICE)
+SETTLE_S = 0.5
+"""From declaring to publishing, so that the publisher knows of the subscription."""
+IDLE_S = 1.0
+"""A receiver that has heard something, and then nothing for this long, is done."""
+LIMIT_S = 60.0
+
+
+class NoConfig(msgspec.Struct, frozen=True):
+    """Nothing to set."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """What is published."""
+
+    count: int
+    rate_hz: float | None
+    """None: as fast as it goes."""
+    express: bool
+    """Each message at once and dropped rather than waited for (STREAM); else batched and waited for."""
+    timed: bool
+    """Measure the latency of each message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """What a publisher saw."""
+
+    rate_hz: float
+    cpu_us: float
+    """Processor time per message, Zenoh's threads included."""
+
+
+@dataclass(slots=True)
+class Received:
+    """What a receiver saw."""
+
+    count: int = 0
+    first_s: float = 0.0
+    last_s: float = 0.0
+    cpu_us: float = 0.0
+    """Processor time per message, Zenoh's threads included."""
+    latencies_us: list[float] = field(default_factory=list)
+    """Sorted; empty where latency is not measured."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Messages per second from the first to the last."""
+        return (self.count - 1) / (self.last_s - self.first_s) if self.count > 1 else 0.0
+
+
+def _message(t_ns: int, surroundings: str) -> TrainTruth:
+    return TrainTruth(
+        t_ns=t_ns,
+        lat_deg=35.0,
+        lon_deg=135.0,
+        h_m=50.0,
+        ve_mps=10.0,
+        vn_mps=20.0,
+        vu_mps=0.0,
+        axis_m=1000.0,
+        speed_mps=22.4,
+        surroundings=surroundings,
+    )
+
+
+def _surroundings() -> str:
+    """Text that brings a message to 195 bytes."""
+    return next(
+        text
+        for text in ("." * length for length in range(PAYLOAD_BYTES))
+        if len(encode(_message(time.time_ns(), text))) == PAYLOAD_BYTES
+    )
+
+
+def _paced(flow: Flow) -> Iterator[int]:
+    """Numbers of the messages, each when it is due; above 1 kHz several at a time."""
+    start_s = time.perf_counter()
+    for number in range(flow.count):
+        if flow.rate_hz is not None:
+            ahead_s = start_s + number / flow.rate_hz - time.perf_counter()
+            if ahead_s > 0.0005:  # noqa: PLR2004 - below half a millisecond a sleep costs more than it is worth
+                time.sleep(ahead_s)
+        yield number
+
+
+def route(pipe: Connection, endpoint: str) -> None:
+    """Run a router until told to end."""
+    with open_router(RouterConfig(listen=(endpoint,))):
+        pipe.send("ready")
+        pipe.recv()
+
+
+def publish(pipe: Connection, endpoint: str, by: By, flow: Flow) -> None:
+    """Publish a flow and tell what it took."""
+    bus = BusConfig(connect=(endpoint,))
+    pipe.send(_publish_raw(bus, flow) if by == "raw" else asyncio.run(_publish_node(bus, flow)))
+
+
+def receive(pipe: Connection, endpoint: str, by: By, flow: Flow) -> None:
+    """Say "ready", receive a flow, and tell what came."""
+    bus = BusConfig(connect=(endpoint,))
+    received = _receive_raw(pipe, bus, flow) if by == "raw" else asyncio.run(_receive_node(pipe, bus, flow))
+    received.latencies_us.sort()
+    pipe.send(received)
+
+
+def _publish_raw(bus: BusConfig, flow: Flow) -> Published:
+    """As fast as Zenoh takes it: what can be encoded before is encoded before."""
+    session = zenoh.open(client_config(bus))
+    try:
+        publisher = session.declare_publisher(
+            KEY,
+            encoding=zenoh.Encoding("application/msgpack").with_schema(TRAIN_TRUTH.schema_name),
+            congestion_control=zenoh.CongestionControl.DROP if flow.express else zenoh.CongestionControl.BLOCK,
+            express=flow.express,
+        )
+        text = _surroundings()
+        fixed = encode(_message(time.time_ns(), text))
+        marks = [encode_attachment(Attachment("bench", "boot", number, time.time_ns())) for number in range(flow.count)]
+        time.sleep(SETTLE_S)
+        start_s, cpu_s = time.perf_counter(), time.process_time()
+        for number in _paced(flow):
+            payload = encode(_message(time.time_ns(), text)) if flow.timed else fixed
+            publisher.put(payload, attachment=marks[number])
+        took_s, cpu_s = time.perf_counter() - start_s, time.process_time() - cpu_s
+        time.sleep(SETTLE_S)
+    finally:
+        close_session(session)
+    return Published(flow.count / took_s, cpu_s / flow.count * 1e6)
+
+
+async def _publish_node(bus: BusConfig, flow: Flow) -> Published:
+    service = Service("bench_writer", NoConfig, (), (TRAIN_TRUTH,), _no_run, "publishes for the benchmark")
+    node = await ZenohNode.open(service, PLACE, service.name, LiveClock(), bus)
+    try:
+        text = _surroundings()
+        # Declares the key; ZenohNode's reader does not count what has no time.
+        await node.publish(TRAIN_TRUTH, _message(0, text), device=DEVICE)
+        await asyncio.sleep(SETTLE_S)
+        start_s, cpu_s = time.perf_counter(), time.process_time()
+        for _ in _paced(flow):
+            await node.publish(TRAIN_TRUTH, _message(time.time_ns(), text), device=DEVICE)
+        took_s, cpu_s = time.perf_counter() - start_s, time.process_time() - cpu_s
+        await asyncio.sleep(SETTLE_S)
+    finally:
+        await node.close()
+    return Published(flow.count / took_s, cpu_s / flow.count * 1e6)
+
+
+async def _no_run(node: Node, config: NoConfig) -> None:
+    """Do nothing: the benchmark drives the node itself."""
+    del node, config
+
+
+def _receive_raw(pipe: Connection, bus: BusConfig, flow: Flow) -> Received:
+    """The least that a callback can do: count, and keep for later what latency is read from."""
+    received = Received()
+    kept: list[tuple[zenoh.Sample, int]] = []
+    full = threading.Event()
+
+    def count(_: zenoh.Sample) -> None:
+        received.last_s = time.perf_counter()
+        if received.count == 0:
+            received.first_s = received.last_s
+        received.count += 1
+        if received.count == flow.count:
+            full.set()
+
+    def keep(sample: zenoh.Sample) -> None:
+        kept.append((sample, time.time_ns()))
+        count(sample)
+
+    session = zenoh.open(client_config(bus))
+    try:
+        session.declare_subscriber(TRAIN_TRUTH.within(PLACE), keep if flow.timed else count)
+        cpu_s = time.process_time()
+        pipe.send("ready")
+        before = -1
+        while not full.wait(IDLE_S) and (received.count == 0 or received.count != before):
+            before = received.count
+        received.cpu_us = (time.process_time() - cpu_s) / max(1, received.count) * 1e6
+    finally:
+        close_session(session)
+    for sample, now_ns in kept:
+        sent_ns = decode(TrainTruth, sample.payload.to_bytes()).t_ns
+        if sent_ns:
+            received.latencies_us.append((now_ns - sent_ns) / 1e3)
+    return received
+
+
+async def _receive_node(pipe: Connection, bus: BusConfig, flow: Flow) -> Received:
+    """As a service does it: decoded messages in an `async for`."""
+    received = Received()
+    service = Service("bench_reader", NoConfig, (TRAIN_TRUTH,), (), _no_run, "reads for the benchmark")
+    node = await ZenohNode.open(service, PLACE, service.name, LiveClock(), bus)
+
+    async def stop_when_idle() -> None:
+        before = -1
+        while received.count == 0 or received.count != before:
+            before = received.count
+            await asyncio.sleep(IDLE_S)
+        node.stop()
+
+    try:
+        messages = node.messages(TRAIN_TRUTH)
+        cpu_s = time.process_time()
+        pipe.send("ready")
+        async with asyncio.TaskGroup() as group:
+            idle = group.create_task(stop_when_idle())
+            async for message in messages:
+                if not message.t_ns:
+                    continue
+                received.last_s = time.perf_counter()
+                if flow.timed:
+                    received.latencies_us.append((time.time_ns() - message.t_ns) / 1e3)
+                if received.count == 0:
+                    received.first_s = received.last_s
+                received.count += 1
+                if received.count == flow.count:
+                    break
+            idle.cancel()
+        received.cpu_us = (time.process_time() - cpu_s) / max(1, received.count) * 1e6
+    finally:
+        await node.close()
+    return received
