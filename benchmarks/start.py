@@ -52,8 +52,8 @@ def first_fix_once() -> float:
         subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as viewer,
     ):
         try:
-            if viewer.stdout is None or '"status":"fix"' not in viewer.stdout.readline():
-                msg = "the first line was no fix"
+            if viewer.stdout is None or not any('"status":"fix"' in line for line in viewer.stdout):
+                msg = "no fix came"
                 raise RuntimeError(msg)
             return time.perf_counter() - started
         finally:
