@@ -100,8 +100,11 @@ def run_watch(endpoint: str, line: str, *, once: bool, language: Language, as_js
     try:
         place = Place(line, "cloud", "viewers")
         bus = msgspec.convert({"connect": [endpoint]}, BusConfig)
-    except (TopicError, msgspec.ValidationError) as error:
+    except TopicError as error:
         sys.stderr.write(f"kirotei watch: {error}\n")
+        end_process(2)
+    except msgspec.ValidationError:
+        sys.stderr.write(f"kirotei watch: {endpoint!r} is no endpoint such as tcp/127.0.0.1:7447\n")
         end_process(2)
     view = View(place, bus, once=once, language=language, as_json=as_json)
     code = 1

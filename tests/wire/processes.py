@@ -25,7 +25,7 @@ class Running:
     def __init__(self, command: list[str], environment: dict[str, str]) -> None:
         """Start it."""
         surroundings = {name: value for name, value in os.environ.items() if not name.startswith(("KIROTEI", "NOTIFY"))}
-        self.process = subprocess.Popen(  # noqa: S603 - our own command
+        self.process = subprocess.Popen(
             command, cwd=ROOT, env=surroundings | environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         self.lines: list[str] = []
@@ -48,22 +48,22 @@ class Running:
         with self.process.stderr as pipe:
             self.errors.extend(line.rstrip("\n") for line in pipe)
 
-    def event(self, name: str, **fields: object) -> dict[str, Any]:
+    def event(self, name: str, *, patience_s: float = PATIENCE_S, **fields: object) -> dict[str, Any]:
         """Next log event of that name with those fields. AssertionError when it does not come."""
         while True:
-            event: dict[str, Any] = json.loads(self._next(f"event {name} {fields}"))
+            event: dict[str, Any] = json.loads(self._next(f"event {name} {fields}", patience_s))
             if event["event"] == name and fields.items() <= event.items():
                 return event
 
     def line_with(self, words: str) -> str:
         """Next line that contains the words. AssertionError when it does not come."""
-        while words not in (line := self._next(f"line with {words!r}")):
+        while words not in (line := self._next(f"line with {words!r}", PATIENCE_S)):
             pass
         return line
 
-    def _next(self, wanted: str) -> str:
+    def _next(self, wanted: str, patience_s: float) -> str:
         try:
-            line = self._fresh.get(timeout=PATIENCE_S)
+            line = self._fresh.get(timeout=patience_s)
         except queue.Empty:
             line = None
         assert line is not None, f"no {wanted}; printed:\n" + "\n".join(self.lines + self.errors)

@@ -23,7 +23,7 @@ def test_systemd_finds_no_fault(unit: Path, tmp_path: Path) -> None:
         text.replace("/opt/kirotei/bin/kirotei", sys.executable).replace("/opt/kirotei/bin/python", sys.executable)
     )
     command = [str(ANALYZE), "verify", "--man=no", str(copy)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)  # noqa: S603 - our own files
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert [line for line in done.stderr.splitlines() if "kirotei" in line] == []
     assert done.returncode == 0
 

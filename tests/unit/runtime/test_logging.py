@@ -126,6 +126,6 @@ sys.stdout.flush()
 log.info("ready")
 """
     command = [sys.executable, "-c", script]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=30)  # noqa: S603 - our own script
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=30)
     assert [json.loads(line)["event"] for line in done.stdout.splitlines()] == ["ready"]
     assert done.stderr.split() == ["native", "python"]
