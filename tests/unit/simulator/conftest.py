@@ -3,15 +3,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import msgspec
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from schemas.gnss import Ephemeris, Ionosphere
-from services.gnss_correction.ephemeris_table import tabulate
-from services.gnss_correction.preparation import prepare
-from services.gnss_correction.solution import Solver
-from services.gnss_correction.solver_arrays import RULES
+from schemas.gnss import Ephemeris, Fix, Ionosphere
+from services.gnss_correction.fix_messages import fixes_of
+from services.gnss_correction.pipeline import Correction
+from services.gnss_correction.settings import Config
 from services.gnss_receiver.observations import Observations
 from services.simulator.scenario import Receiver, Scenario, Scene, Sky
 from services.simulator.scenario_file import read_scenario
@@ -34,21 +31,20 @@ def ideal(canyon: Scenario) -> Scenario:
     )
 
 
-Solve = Callable[[Observations, Sequence[Ephemeris], Ionosphere], NDArray[np.float64]]
+Solve = Callable[[Observations, Sequence[Ephemeris], Ionosphere], list[Fix]]
 
 
 @pytest.fixture
 def solve() -> Solve:
-    """Kirotei's own solver: Earth-fixed positions and velocities in rows of six, every satellite used."""
+    """Kirotei's own solution of every epoch, from every satellite above the horizon."""
 
-    def solved(
-        observations: Observations, ephemerides: Sequence[Ephemeris], ionosphere: Ionosphere
-    ) -> NDArray[np.float64]:
-        ready = prepare(observations, tabulate(ephemerides), "GE")
-        rules = np.zeros(1, RULES)
-        rules["most_pdop"] = 30.0
-        rules["alpha"], rules["beta"] = ionosphere.alpha, ionosphere.beta
-        fixes = Solver().solve(ready.first_row, ready.t_s, ready.rows, rules[0])
-        return np.stack([fixes[name] for name in ("x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps")], axis=1)
+    def solved(observations: Observations, ephemerides: Sequence[Ephemeris], ionosphere: Ionosphere) -> list[Fix]:
+        correction = Correction(Config(method="original", compare=(), elevation_mask_deg=0.0))
+        correction.add(ionosphere)
+        for ephemeris in ephemerides:
+            correction.add(ephemeris)
+        fixes = fixes_of(correction.block(observations), "original")
+        assert {fix.status for fix in fixes} == {"fix"}
+        return fixes
 
     return solved

@@ -11,8 +11,8 @@ import typer
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from schemas.gnss import Ephemeris, Ionosphere
-from services.gnss_correction.geodesy import enu_about, geodetic_from_ecef
+from schemas.gnss import Ephemeris, Fix, Ionosphere
+from services.gnss_correction.geodesy import enu_about
 from services.gnss_receiver.observations import Observations
 from services.gnss_receiver.rinex_navigation_file import read_navigation
 from services.gnss_receiver.rinex_observation_file import read_observations
@@ -20,7 +20,7 @@ from services.simulator.command import simulate
 from services.simulator.scenario import Scenario
 from services.simulator.simulation_file import FILES, write_simulation
 
-Solve = Callable[[Observations, Sequence[Ephemeris], Ionosphere], NDArray[np.float64]]
+Solve = Callable[[Observations, Sequence[Ephemeris], Ionosphere], list[Fix]]
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -41,11 +41,10 @@ def test_files_solve_to_the_truth_beside_them(ideal: Scenario, solve: Solve, tmp
     assert len(observations) == written.epochs == 301
     assert navigation.ionosphere is not None
     fixes = solve(observations, navigation.ephemerides, navigation.ionosphere)
-    lat, lon, height = geodetic_from_ecef(*fixes[:, :3].T)
     truth = rows(folder / "truth.csv")
     assert column(truth, "tow_s") == pytest.approx(observations.tow_s.tolist())
     first = (float(truth[0]["lat_deg"]), float(truth[0]["lon_deg"]), float(truth[0]["h_ell_m"]))
-    here = enu_about(first, np.rad2deg(lat), np.rad2deg(lon), height)
+    here = enu_about(first, *zip(*((f.lat_deg or 0.0, f.lon_deg or 0.0, f.h_m or 0.0) for f in fixes), strict=True))
     there = enu_about(first, column(truth, "lat_deg"), column(truth, "lon_deg"), column(truth, "h_ell_m"))
     # RINEX rounds pseudoranges to a millimetre; geometry stretches that by the dilution of precision, about 3.
     assert np.abs(here - there).max() < 5e-3
