@@ -39,6 +39,14 @@ def _require_folder(command: str, out: Path) -> None:
         _refuse(command, f"{out}: " + ("is a folder" if out.is_dir() else f"there is no folder {out.parent}"), 2)
 
 
+def _require_key(command: str, key: str | None) -> None:
+    from services.recorder.key_choice import fault_of
+
+    fault = None if key is None else fault_of(key)
+    if fault is not None:
+        _refuse(command, f"--key {key}: {fault}", 2)
+
+
 def record(
     out: Annotated[Path, typer.Argument(help="File to record into; may not exist.")],
     *,
@@ -53,6 +61,7 @@ def record(
     """
     from schemas.topics import EVERYTHING
 
+    _require_key("record", key)
     _require_folder("record", out)
     part = out.with_name(f"{out.name}.part")
     if out.exists():
@@ -98,6 +107,7 @@ def replay(
         _refuse("replay", "--out, --config and --place go with --through", 2)
     if not live and (speed is not None or line is not None):
         _refuse("replay", "--speed and --line go with --live", 2)
+    _require_key("replay", key)
     _require_file("replay", file)
     if live:
         _replay_live(file, key, connect, 1.0 if speed is None else speed, line, as_json=as_json)

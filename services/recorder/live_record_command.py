@@ -82,9 +82,9 @@ def run_record(out: Path, key_expression: str, endpoint: str, duration_s: float 
 
 async def record(node: Node, out: Path, key_expression: str, *, as_json: bool) -> int:
     """Record until the node is stopped; exit code. The file stands under `.part` until it is complete."""
+    samples = node.samples(key_expression)
     file = _File.create(out)
     started_s = node.clock.monotonic_s()
-    samples = node.samples(key_expression)
     reason = None
     try:
         async with asyncio.TaskGroup() as tasks:

@@ -16,6 +16,7 @@ from msgspec import Meta
 
 from schemas import topics
 from schemas.topics import topic_of
+from services.recorder.key_choice import fault_of
 from services.recorder.mcap_file import Compression
 from services.recorder.recording_store import RecordingStore, StoreSettings
 from services.runtime.node import Node, Sample, Service
@@ -53,7 +54,11 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Of the files' chunks."""
 
     def __post_init__(self) -> None:
-        """Refuse a cap that cannot hold two files."""
+        """Refuse a key expression that is none, and a cap that cannot hold two files."""
+        fault = fault_of(self.key_expression)
+        if fault is not None:
+            msg = f"key_expression {self.key_expression!r} {fault}"
+            raise ValueError(msg)
         if self.keep_gb is not None and self.keep_gb * 1000.0 < 2.0 * self.rotate_mb:
             msg = f"keep_gb = {self.keep_gb:g} holds less than two files of rotate_mb = {self.rotate_mb:g}"
             raise ValueError(msg)

@@ -140,6 +140,11 @@ def test_a_cap_that_holds_no_two_files_is_refused() -> None:
         msgspec.convert({"keep_gb": 0.1}, Config)
 
 
+def test_a_key_expression_that_is_none_is_refused() -> None:
+    with pytest.raises(msgspec.ValidationError, match="key_expression 'a//b' has an empty chunk"):
+        msgspec.convert({"key_expression": "a//b"}, Config)
+
+
 def test_a_full_disk_fails_health_and_recording_goes_on_when_there_is_room(loop: ManualLoop, tmp_path: Path) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()

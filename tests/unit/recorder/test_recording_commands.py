@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 from services.cli import app
 from services.recorder.contents_words import utc
 from services.recorder.file_names import is_own, recording_stem
+from services.recorder.key_choice import fault_of
 from services.recorder.mcap_file import RecordingWriter
 from services.recorder.offline_replay_command import parts_of, place_of
 from services.recorder.part_file import PartFile
@@ -117,6 +118,7 @@ def test_recording_never_overwrites(run: Path) -> None:
         ([], "give either --live or --through"),
         (["--live", "--through", "gnss_correction"], "give either --live or --through"),
         (["--live", "--out", "x.mcap"], "go with --through"),
+        (["--live", "--key", "a//b"], "--key a//b: has an empty chunk"),
         (["--through", "gnss_correction"], "--through needs --out"),
         (["--through", "gnss_correction", "--out", "x.mcap", "--speed", "2"], "go with --live"),
         (["--through", "gnss_corection", "--out", "x.mcap"], "did you mean gnss_correction?"),
@@ -174,6 +176,24 @@ def test_live_replay_of_unknown_keys_has_no_place(tmp_path: Path) -> None:
     told = kirotei("replay", path, "--live")
     assert told.exit_code == 1
     assert f"{path}: the recording holds no message of a known topic" in told.stderr
+
+
+@pytest.mark.parametrize(
+    ("expression", "fault"),
+    [
+        ("kirotei/v1/**", None),
+        ("**", None),
+        ("*/**/fix", None),
+        ("", "has an empty chunk"),
+        ("a/", "has an empty chunk"),
+        ("a/**/**", "has **/**: write ** once"),
+        ("a/**/*", "has **/*: write */**"),
+        ("a/b$*", "has 'b$*': a wildcard is a whole chunk, * or **"),
+        ("a/***", "has '***': a wildcard is a whole chunk, * or **"),
+    ],
+)
+def test_key_expressions_are_checked_as_zenoh_would(expression: str, fault: str | None) -> None:
+    assert fault_of(expression) == fault
 
 
 def test_words() -> None:
