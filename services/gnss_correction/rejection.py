@@ -51,3 +51,12 @@ REJECTION_WORDS = {
     Rejection.NO_SIGNAL: "no L1, E1 or B1I signal",
     Rejection.CONTRADICTS: "contradicts the other satellites by kilometres",
 }
+
+OUTCOME_WORDS = {
+    Outcome.FIX: "fix",
+    Outcome.TOO_FEW_SATELLITES: "too few satellites",
+    Outcome.WEAK_GEOMETRY: "weak geometry",
+    Outcome.NOT_CONVERGED: "no convergence",
+    Outcome.ABSURD_PLACE: "absurd place",
+    Outcome.CONTRADICTION: "contradicting pseudoranges",
+}

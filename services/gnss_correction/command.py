@@ -1,0 +1,191 @@
+"""`kirotei gnss`: recordings solved and evaluated."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from services.gnss_correction.evaluation import Evaluation, FixTrack
+    from services.gnss_correction.settings import Config
+    from services.gnss_correction.solve_file import Solved
+
+app = typer.Typer(
+    name="gnss",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Satellite positioning on recordings: positions from RINEX files, and how good they are.",
+)
+
+
+class _UsageError(ValueError):
+    """What was asked for cannot be meant."""
+
+
+@contextmanager
+def _told(command: str) -> Iterator[None]:
+    """One clear line and the exit code for whatever can go wrong with files and options."""
+    try:
+        yield
+    except _UsageError as error:
+        typer.echo(f"kirotei gnss {command}: {error}", err=True)
+        raise typer.Exit(2) from error
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        typer.echo(f"kirotei gnss {command}: {where}{error.strerror or error}", err=True)
+        raise typer.Exit(1) from error
+    except ValueError as error:
+        typer.echo(f"kirotei gnss {command}: {error}", err=True)
+        raise typer.Exit(1) from error
+
+
+def _config(path: Path | None, overrides: dict[str, object]) -> Config:
+    """Settings from the [gnss_correction] table of a TOML file, then from options. Raises _UsageError."""
+    from services.gnss_correction.settings import Config
+    from services.runtime.config_check import Faults, converted
+
+    table: dict[str, Any] = {}
+    if path is not None:
+        try:
+            table = tomllib.loads(path.read_text("utf-8")).get("gnss_correction", {})
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            msg = f"{path}: {error}"
+            raise _UsageError(msg) from error
+        if not isinstance(table, dict):
+            msg = f"{path}: gnss_correction: expected a table [gnss_correction]"
+            raise _UsageError(msg)
+    faults = Faults()
+    config = converted(table | {name: value for name, value in overrides.items() if value is not None}, Config, faults)
+    if config is None:
+        spots = (
+            f"--{one[0]}" if one and overrides.get(one[0]) is not None else f"{path}: gnss_correction.{'.'.join(one)}"
+            for one, _ in faults.found
+        )
+        raise _UsageError("; ".join(f"{spot}: {words}" for spot, (_, words) in zip(spots, faults.found, strict=True)))
+    return config
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[Callable[[float], None]]:
+    """A bar on a terminal, lines where there is none; both on standard error."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda done: typer.echo(f"{what}: {100.0 * done:.0f} %", err=True)
+        return
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def _summary(rover: Path, out: Path, method: str, solved: Solved) -> str:
+    share = 100.0 * solved.fixes / solved.epochs
+    lines = [
+        f"{out}: {solved.fixes} fixes for {solved.epochs} epochs of {rover} ({share:.2f} %), method {method}",
+        f"{solved.flagged_per_epoch:.2f} satellites per epoch held for multipath, {solved.clock_jumps} clock jumps",
+    ]
+    lines += [f"no fix: {count} epochs, {reason}" for reason, count in solved.reasons.items()]
+    if solved.issues:
+        lines.append(f"{len(solved.issues)} things in the files were refused, the first: {solved.issues[0]}")
+    return "\n".join(lines)
+
+
+@app.command()
+def solve(
+    *,
+    rover: Annotated[Path, typer.Option("--rover", help="RINEX observation file.")],
+    nav: Annotated[list[Path], typer.Option("--nav", help="RINEX navigation file; may be given several times.")],
+    out: Annotated[Path, typer.Option("--out", help="fixes.csv to write: one row per epoch.")],
+    method: Annotated[
+        str | None, typer.Option("--method", help="original, remove or adjust; default: that of the settings, adjust.")
+    ] = None,
+    systems: Annotated[
+        str | None, typer.Option("--systems", help="Constellations, as G,R,E,C,J; default: all of these.")
+    ] = None,
+    weights: Annotated[str | None, typer.Option("--weights", help="cn0 (default) or elevation.")] = None,
+    verdicts: Annotated[Path | None, typer.Option("--verdicts", help="verdicts.csv to write.")] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="TOML file whose [gnss_correction] table holds further settings.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+) -> None:
+    """Positions from a recording, with a multipath verdict on every satellite.
+
+    Example: kirotei gnss solve --rover rover.obs --nav brdc.nav --method remove --out fixes.csv
+    """
+    with _told("solve"):
+        chosen = {"method": method, "systems": systems and systems.replace(",", "").upper(), "weights": weights}
+        settings = _config(config, {**chosen, "compare": []})
+        from services.gnss_correction.solve_file import solve_file
+
+        if verdicts is not None and verdicts.absolute() == out.absolute():
+            msg = f"{out}: fixes and verdicts cannot be one file"
+            raise _UsageError(msg)
+        with _progress(f"solving {rover.name}") as progress:
+            solved = solve_file(rover, nav, settings, out, verdicts, progress)
+        if as_json:
+            table = asdict(solved) | {"issues": [str(issue) for issue in solved.issues], "method": settings.method}
+            typer.echo(json.dumps(table, indent=2))
+        else:
+            typer.echo(_summary(rover, out, settings.method, solved))
+
+
+def _named(paths: list[Path]) -> list[tuple[str, Path]]:
+    """A short name for each file: its stem, or its path where stems repeat."""
+    stems = [path.stem for path in paths]
+    return [(stem if stems.count(stem) == 1 else str(path), path) for stem, path in zip(stems, paths, strict=True)]
+
+
+def _print(evaluations: list[Evaluation], *, with_line: bool, with_truth: bool, as_json: bool) -> None:
+    from services.gnss_correction.evaluation_table import tables
+
+    if as_json:
+        typer.echo(json.dumps([asdict(one) for one in evaluations], indent=2))
+    else:
+        typer.echo(tables(evaluations, with_line=with_line, with_truth=with_truth))
+
+
+@app.command("evaluate")
+def evaluate_fixes(
+    *,
+    fixes: Annotated[list[Path], typer.Option("--fixes", help="fixes.csv; several are set side by side.")],
+    truth: Annotated[Path | None, typer.Option("--truth", help="truth.csv with which to compare.")] = None,
+    centreline: Annotated[
+        Path | None, typer.Option("--centreline", help="CSV polyline of the line with which to compare.")
+    ] = None,
+    stations: Annotated[
+        Path | None, typer.Option("--stations", help="CSV of stations for the plot: name, lat_deg, lon_deg.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Map of the fixes to write, .png or .svg.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
+) -> None:
+    """Distance to the line, fixation rate and error against the truth, of several methods side by side.
+
+    Example: kirotei gnss evaluate --fixes original.csv --fixes remove.csv --truth truth.csv --centreline line.csv
+    """
+    with _told("evaluate"):
+        if plot is not None and plot.suffix.lower() not in (".png", ".svg"):
+            msg = f"--plot: {plot} is neither .png nor .svg"
+            raise _UsageError(msg)
+        from services.gnss_correction import fixes_file
+        from services.gnss_correction.evaluation import evaluate
+
+        tracks: list[FixTrack] = [fixes_file.read_fixes(path, name) for name, path in _named(fixes)]
+        truth_line = fixes_file.read_truth(truth) if truth else None
+        line = fixes_file.read_centreline(centreline) if centreline else None
+        stops = fixes_file.read_stations(stations) if stations else []
+        evaluations = [evaluate(track, truth_line, line) for track in tracks]
+        if plot is not None:
+            from services.gnss_correction.track_plot import save_tracks
+
+            save_tracks(plot, tracks, line, truth_line, stops)
+        _print(evaluations, with_line=line is not None, with_truth=truth_line is not None, as_json=as_json)

@@ -1,0 +1,158 @@
+"""Whole recordings solved: RINEX files in, fixes.csv and verdicts.csv out, through the service's own pipeline."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from schemas.gnss_time import NS, WEEK_S, unix_ns_from_gps
+from services.gnss_correction.fix_messages import Corrected, fixes_of
+from services.gnss_correction.fixes_file import FixesWriter
+from services.gnss_correction.pipeline import Correction
+from services.gnss_correction.rejection import OUTCOME_WORDS, Outcome
+from services.gnss_correction.settings import Config
+from services.gnss_correction.verdict_messages import verdicts_of
+from services.gnss_receiver.observations import FileIssue, Navigation, Observations
+from services.gnss_receiver.rinex_navigation_file import read_navigation
+from services.gnss_receiver.rinex_observation_file import read_observations
+
+BLOCK_EPOCHS: Final = 2_000
+"""Epochs solved at a time: memory stays bounded, and progress is seen."""
+
+
+class SolveError(ValueError):
+    """Files from which nothing can be solved, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """What became of a recording."""
+
+    epochs: int
+    fixes: int
+    reasons: dict[str, int]
+    """Epochs without a fix by kind of reason, commonest first."""
+    flagged_per_epoch: float
+    clock_jumps: int
+    ephemerides: int
+    issues: tuple[FileIssue, ...]
+    """What was refused in the files."""
+
+
+def blocks(observations: Observations) -> Iterator[Observations]:
+    """Consecutive stretches of a recording."""
+    for first in range(0, len(observations), BLOCK_EPOCHS):
+        last = min(first + BLOCK_EPOCHS, len(observations))
+        rows = slice(int(observations.first_row[first]), int(observations.first_row[last]))
+        yield replace(
+            observations,
+            gps_week=observations.gps_week[first:last],
+            tow_s=observations.tow_s[first:last],
+            first_row=observations.first_row[first : last + 1] - observations.first_row[first],
+            satellite=observations.satellite[rows],
+            signal=observations.signal[rows],
+            pseudorange_m=observations.pseudorange_m[rows],
+            carrier_phase_cycles=observations.carrier_phase_cycles[rows],
+            doppler_hz=observations.doppler_hz[rows],
+            cn0_dbhz=observations.cn0_dbhz[rows],
+            lock_lost=observations.lock_lost[rows],
+        )
+
+
+def _require_cover(config: Config, observations: Observations, navigation: Navigation, named: str) -> None:
+    """Raise SolveError unless some ephemeris may be used at some time of the recording."""
+    usable = [one for one in navigation.ephemerides if one.satellite[0] in config.systems]
+    if not usable:
+        msg = f"{named}: no ephemeris of the systems {', '.join(config.systems)}"
+        raise SolveError(msg)
+    t_s = observations.gps_week * WEEK_S + observations.tow_s
+    toe_s = np.array([one.gps_week * WEEK_S + one.toe_s for one in usable])
+    fit_s = np.array([one.fit_interval_s for one in usable])
+    if not ((toe_s - fit_s <= t_s.max()) & (toe_s + fit_s >= t_s.min())).any():
+        given = f"{_calendar(toe_s.min())} to {_calendar(toe_s.max())}"
+        wanted = f"{_calendar(t_s.min())} to {_calendar(t_s.max())}"
+        msg = f"{named}: ephemerides of {given} UTC cover no epoch of the recording, {wanted} UTC"
+        raise SolveError(msg)
+
+
+def _informed(config: Config, navigation: Navigation) -> Correction:
+    """A pipeline that knows what was broadcast."""
+    correction = Correction(config, (config.method,))
+    for ephemeris in navigation.ephemerides:
+        correction.add(ephemeris)
+    if navigation.ionosphere is not None:
+        correction.add(navigation.ionosphere)
+    return correction
+
+
+def _kinds(corrected: Corrected) -> Iterator[str]:
+    """Kind of reason of every epoch without a fix."""
+    outcomes = corrected.solutions[corrected.config.method].epochs["outcome"].tolist()
+    for refusal, outcome in zip(corrected.refusals, outcomes, strict=True):
+        if refusal:
+            yield "repeated or out of order"
+        elif outcome != Outcome.FIX:
+            yield OUTCOME_WORDS[Outcome(outcome)]
+
+
+def _calendar(gps_s: float) -> str:
+    """UTC of an instant given in seconds of GPS time, to the minute."""
+    unix_s = unix_ns_from_gps(0, gps_s) // NS
+    return f"{datetime.fromtimestamp(unix_s, UTC):%Y-%m-%d %H:%M}"
+
+
+def solve_file(
+    rover: Path,
+    navigation_paths: Sequence[Path],
+    config: Config,
+    out: Path,
+    verdicts: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Solved:
+    """Solve a recording by the configured method and write the files.
+
+    `progress` gets the fraction done. Raises RinexError for files that are none, SolveError when
+    nothing can be solved at all (then nothing is written), OSError.
+    """
+    navigation = read_navigation(navigation_paths)
+    observations = read_observations(rover)
+    if not len(observations):
+        msg = f"{rover}: no epoch that can be read"
+        raise SolveError(msg)
+    _require_cover(config, observations, navigation, ", ".join(str(path) for path in navigation_paths))
+    correction = _informed(config, navigation)
+    writer = FixesWriter(out, verdicts)
+    fixes, flagged, reasons = 0, 0, Counter[str]()
+    try:
+        done = 0
+        for block in blocks(observations):
+            corrected = correction.block(block)
+            answers = fixes_of(corrected, config.method)
+            writer.write_fixes(answers)
+            if verdicts is not None:
+                writer.write_verdicts(verdicts_of(corrected))
+            fixes += sum(fix.status == "fix" for fix in answers)
+            flagged += sum(corrected.flagged)
+            reasons.update(_kinds(corrected))
+            done += len(block)
+            if progress is not None:
+                progress(done / len(observations))
+        writer.close()
+    except BaseException:
+        writer.discard()
+        raise
+    return Solved(
+        epochs=len(observations),
+        fixes=fixes,
+        reasons=dict(reasons.most_common()),
+        flagged_per_epoch=flagged / len(observations),
+        clock_jumps=correction.detector.clock_jumps,
+        ephemerides=len(navigation.ephemerides),
+        issues=(*navigation.issues, *observations.issues),
+    )
