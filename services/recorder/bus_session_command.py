@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
+import traceback
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import NoReturn
@@ -56,6 +57,8 @@ class BusSession:
             self._tell(str(error))
         except OSError as error:
             self._tell(f"{error.filename or ''}: {error.strerror or error}".removeprefix(": "))
+        except Exception:  # noqa: BLE001 - a fault of ours: told in full, and an open session must not hold the process
+            traceback.print_exc()
         end_process(code)
 
     async def _live(self, bus: BusConfig) -> int:
