@@ -92,13 +92,17 @@ def _no_fix_reason(epoch: np.void, rejections: Sequence[int], config: Config) ->
 
 
 def _reasons(corrected: Corrected, solution: Solution) -> list[str]:
-    """Reason of every epoch, empty for fixes."""
+    """Reason of every epoch; of fixes only what is special about them."""
     reasons = list(corrected.refusals)
     first = corrected.prepared.first_row
     for i in np.flatnonzero(solution.epochs["outcome"] != _FIX).tolist():
         if not reasons[i]:
             rejections = solution.rows["rejection"][first[i] : first[i + 1]].tolist()
             reasons[i] = _no_fix_reason(solution.epochs[i], rejections, corrected.config)
+    for i in np.flatnonzero(np.isfinite(solution.epochs["held_s"])).tolist():
+        epoch = solution.epochs[i]
+        if epoch["outcome"] == _FIX:
+            reasons[i] = f"weak geometry (PDOP {epoch['pdop']:.0f}): height held from {epoch['held_s']:.1f} s before"
     return reasons
 
 

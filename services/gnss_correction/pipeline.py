@@ -17,7 +17,7 @@ from services.gnss_correction.ephemeris_store import EphemerisStore
 from services.gnss_correction.epoch_order import EpochOrder
 from services.gnss_correction.fix_messages import Corrected, Solution
 from services.gnss_correction.multipath import Judgement, MultipathDetector, Sight
-from services.gnss_correction.preparation import Prepared, prepare
+from services.gnss_correction.preparation import Prepared, SignalStrengths, prepare
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solution import Solver
@@ -30,7 +30,7 @@ _NOT_WATCHED = frozenset({
     int(Rejection.NO_SIGNAL),
     int(Rejection.EPOCH_REFUSED),
 })  # fmt: skip
-_USABLE, _MULTIPATH, _REFUSED = int(Rejection.USABLE), int(Rejection.MULTIPATH), int(Rejection.EPOCH_REFUSED)
+_USABLE, _MULTIPATH = int(Rejection.USABLE), int(Rejection.MULTIPATH)
 
 
 def block_of(epoch: Epoch) -> Observations:
@@ -68,6 +68,8 @@ class Correction:
         self._rules["elevation_mask_rad"] = np.radians(config.elevation_mask_deg)
         self._rules["cn0_mask_dbhz"] = config.cn0_mask_dbhz
         self._rules["most_pdop"] = config.most_pdop
+        self._rules["longest_hold_s"] = config.longest_height_hold_s
+        self._strengths = SignalStrengths(config.cn0_averaging_s)
 
     def add(self, broadcast: Ephemeris | Ionosphere) -> None:
         """Take in what a satellite broadcast. Without an ionosphere its night-time constant is used."""
@@ -85,9 +87,8 @@ class Correction:
         weeks, tows_s = observations.gps_week.tolist(), observations.tow_s.tolist()
         refusals = [self.order.refusal(week, tow_s) for week, tow_s in zip(weeks, tows_s, strict=True)]
         table = self._store.table()
-        prepared = prepare(observations, table, self.config.systems)
-        refused = np.repeat(np.array([bool(one) for one in refusals], bool), np.diff(prepared.first_row))
-        prepared.rows["rejection"][refused] = _REFUSED
+        refused = np.array([bool(one) for one in refusals], bool)
+        prepared = prepare(observations, refused, table, self.config.systems, self._strengths)
         solutions: dict[Method, Solution] = {"original": self._solve("original", prepared, prepared.rows.copy())}
         judgements, flagged = self._judge(prepared, solutions["original"].rows)
         for method in self.methods:

@@ -42,10 +42,10 @@ def _mask_and_weigh(row: Any, rules: Any) -> None:  # noqa: ANN401 - numba recor
     if row.rejection == _USABLE:
         if row.elevation_rad < rules.elevation_mask_rad:
             row.rejection = _LOW
-        elif row.cn0_dbhz < rules.cn0_mask_dbhz:
+        elif row.strength_dbhz < rules.cn0_mask_dbhz:
             row.rejection = _WEAK
     if rules.by_cn0 == 1:
-        row.variance_m2 = cn0_variance_m2(row.elevation_rad, row.cn0_dbhz)
+        row.variance_m2 = cn0_variance_m2(row.elevation_rad, row.strength_dbhz)
     else:
         row.variance_m2 = elevation_variance_m2(row.elevation_rad)
 
@@ -95,6 +95,11 @@ def accumulate(rows: Records, work: Workspace, size: int) -> None:
             right[p] -= weight * line[p] * difference_m
         normal[c, c] += weight
         right[c] += weight * difference_m
+    if work.held[0] > 0.0:
+        for p in range(3):
+            right[p] += work.held[0] * work.held[3 + p] * work.held[2]
+            for q in range(p + 1):
+                normal[p, q] += work.held[0] * work.held[3 + p] * work.held[3 + q]
 
 
 @kernel
@@ -105,9 +110,13 @@ def _model(
     place: Float64s,
     near: bool,  # noqa: FBT001 - kernels take no keywords
     weigh: bool,  # noqa: FBT001 - the same
+    held: Float64s,
 ) -> None:
     """What each pseudorange should be at `place`; with directions and delays once that is `near` the truth."""
     level = geodetic(place[0], place[1], place[2])
+    held[2] = held[1] - level[2]
+    held[3], held[4] = np.cos(level[0]) * np.cos(level[1]), np.cos(level[0]) * np.sin(level[1])
+    held[5] = np.sin(level[0])
     for row in rows:
         look(row, place)
         if not near:
@@ -148,7 +157,7 @@ def locate(
             row.rejection = _USABLE
     near, refined, count, size = started_near, 0, 0, 0
     for _ in range(MOST_ROUNDS):
-        _model(rows, tow_s, rules, place, near, refined < REWEIGHTINGS)
+        _model(rows, tow_s, rules, place, near, refined < REWEIGHTINGS, work.held)
         count, size = _assign_clocks(rows, work.column)
         if count < size or count == 0:
             return _FEW, count, size

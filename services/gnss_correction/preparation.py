@@ -10,7 +10,14 @@ import numpy as np
 
 from schemas.gnss_time import WEEK_S
 from services.gnss_correction.atmosphere import L1_HZ, LIGHT_MPS
-from services.gnss_correction.ephemeris_table import NO_EPHEMERIS, STALE, UNHEALTHY, EphemerisTable, select_row
+from services.gnss_correction.ephemeris_table import (
+    CODES,
+    NO_EPHEMERIS,
+    STALE,
+    UNHEALTHY,
+    EphemerisTable,
+    select_row,
+)
 from services.gnss_correction.kernel import kernel
 from services.gnss_correction.orbit import (
     BEIDOU_B1I_HZ,
@@ -19,7 +26,7 @@ from services.gnss_correction.orbit import (
     state_when_sent,
 )
 from services.gnss_correction.rejection import Rejection
-from services.gnss_correction.solver_arrays import ROW, Float64s, Ints, Records
+from services.gnss_correction.solver_arrays import ROW, Bools, Float64s, Ints, Records
 from services.gnss_receiver.observations import SYSTEMS, Observations
 
 PREFERRED_SIGNALS: Final = {
@@ -39,12 +46,14 @@ LOWEST_ORBIT_M: Final = 2.0e7
 HIGHEST_ORBIT_M: Final = 6.0e7
 STRONGEST_DBHZ: Final = 70.0
 """No civil signal is received as strong; 0 stands for unknown in RINEX."""
+LONGEST_SILENCE: Final = 5.0
+"""Averaging times after which nothing is left of an old C/N0."""
 _UNUSABLE: Final = 50
 _NO_PSEUDORANGE: Final = 100
 _BEIDOU, _GLONASS = SYSTEMS.index("C"), SYSTEMS.index("R")
 _USABLE, _MISSING, _NO_SIGNAL = int(Rejection.USABLE), int(Rejection.NO_PSEUDORANGE), int(Rejection.NO_SIGNAL)
 _ABSURD, _NONE, _STALE = int(Rejection.ABSURD_PSEUDORANGE), int(Rejection.NO_EPHEMERIS), int(Rejection.STALE_EPHEMERIS)
-_UNHEALTHY, _NO_ORBIT = int(Rejection.UNHEALTHY), int(Rejection.NO_ORBIT)
+_UNHEALTHY, _NO_ORBIT, _REFUSED = int(Rejection.UNHEALTHY), int(Rejection.NO_ORBIT), int(Rejection.EPOCH_REFUSED)
 
 
 class Columns(NamedTuple):
@@ -155,9 +164,39 @@ def _place_satellite(row: Any, t_s: float, ephemerides: Records, position: Float
     row.vx_mps, row.vy_mps, row.vz_mps = velocity[0], velocity[1], velocity[2]
 
 
+class SignalStrengths:
+    """C/N0 of every satellite's signal, averaged exponentially over the past."""
+
+    def __init__(self, averaging_s: float) -> None:
+        """Know nothing yet; 0 takes each value as it is."""
+        self.averaging_s = averaging_s
+        self.known = np.full((CODES, 3), np.nan)
+        """Shape (CODES, 3): time of the latest value, its signal, the average."""
+
+
+@kernel
+def _average_strength(row: Any, t_s: float, averaging_s: float, known: Float64s) -> float:  # noqa: ANN401 - numba record
+    """Averaged C/N0 of a row [dB-Hz]; begins anew with a new signal and after a gap."""
+    age_s = t_s - known[0]
+    follows = averaging_s > 0.0 and 0.0 < age_s < LONGEST_SILENCE * averaging_s and known[1] == row.signal
+    average = row.cn0_dbhz
+    if follows and np.isfinite(known[2]) and np.isfinite(average):
+        average = known[2] + (1.0 - np.exp(-age_s / averaging_s)) * (average - known[2])
+    known[0], known[1], known[2] = t_s, row.signal, average
+    return float(average)
+
+
 @kernel
 def _prepare(
-    columns: Columns, t_s: Float64s, ranks: Ints, ephemerides: Records, first_ephemeris: Ints, rows: Records
+    columns: Columns,
+    t_s: Float64s,
+    refused: Bools,
+    ranks: Ints,
+    ephemerides: Records,
+    first_ephemeris: Ints,
+    averaging_s: float,
+    known: Float64s,
+    rows: Records,
 ) -> Ints:
     """Fill `rows` from the front; gives the first row of each epoch and the number of rows."""
     first_row = np.zeros(t_s.size + 1, np.int64)
@@ -171,21 +210,27 @@ def _prepare(
             row.signal, row.system = columns.signal[row.source], row.satellite // 100
             row.pseudorange_m = columns.pseudorange_m[row.source]
             row.ephemeris = select_row(ephemerides, first_ephemeris, row.satellite, t_s[epoch])
-            row.rejection = _screen(row)
+            row.rejection = _REFUSED if refused[epoch] else _screen(row)
             row.carrier_hz = _carrier_hz(row, ephemerides)
             rate_mps = -LIGHT_MPS / row.carrier_hz * columns.doppler_hz[row.source]
             row.range_rate_mps = rate_mps if abs(rate_mps) < FASTEST_RANGE_RATE_MPS else np.nan
             density = columns.cn0_dbhz[row.source]
             row.cn0_dbhz = density if 0.0 < density < STRONGEST_DBHZ else np.nan
+            row.strength_dbhz = row.cn0_dbhz
+            if not refused[epoch]:
+                row.strength_dbhz = _average_strength(row, t_s[epoch], averaging_s, known[row.satellite])
             _place_satellite(row, t_s[epoch], ephemerides, position, velocity)
     return first_row
 
 
-def prepare(observations: Observations, table: EphemerisTable, systems: str) -> Prepared:
+def prepare(
+    observations: Observations, refused: Bools, table: EphemerisTable, systems: str, strengths: SignalStrengths
+) -> Prepared:
     """Rows of the selected `systems` (letters of PREFERRED_SIGNALS) with satellites and first rejections.
 
     Of a satellite's signals the first preferred one with a pseudorange counts, of a signal that
-    stands twice in an epoch the first. Impossible Dopplers and C/N0 count as missing.
+    stands twice in an epoch the first. Impossible Dopplers and C/N0 count as missing. Epochs that
+    are `refused` change nothing in `strengths`.
     """
     columns = Columns(
         np.array(observations.first_row, np.int64),
@@ -198,5 +243,7 @@ def prepare(observations: Observations, table: EphemerisTable, systems: str) -> 
     t_s = (observations.gps_week - table.gps_week) * float(WEEK_S) + observations.tow_s
     rows = np.zeros(columns.satellite.size, ROW)
     ranks = _ranks(observations.signals, systems)
-    first_row = _prepare(columns, t_s, ranks, table.rows, table.first, rows)
+    first_row = _prepare(
+        columns, t_s, refused, ranks, table.rows, table.first, strengths.averaging_s, strengths.known, rows
+    )
     return Prepared(t_s, first_row, rows[: first_row[-1]])

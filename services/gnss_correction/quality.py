@@ -20,8 +20,8 @@ def judge(rows: Records, solution: Any, size: int, place: Float64s, work: Worksp
     """Clock, dilution of precision and standard deviation of a converged solution with `size` unknowns.
 
     `work` holds the factor and the clocks of the last round, `rows` the residuals. Dilution counts
-    every satellite alike; the standard deviation is that of the weights, times the root of the
-    mean square weighted residual where that is above one.
+    every satellite alike, and a held height as one more; the standard deviation is that of the
+    weights, times the root of the mean square weighted residual where that is above one.
     """
     level = geodetic(place[0], place[1], place[2])
     up = (np.cos(level[0]) * np.cos(level[1]), np.cos(level[0]) * np.sin(level[1]), np.sin(level[0]))
@@ -36,6 +36,7 @@ def judge(rows: Records, solution: Any, size: int, place: Float64s, work: Worksp
     solution.sigma_horizontal_m = np.sqrt(scale * horizontal_m2)
     for row in rows:
         row.variance_m2 = 1.0
+    work.held[0] = 1.0 if work.held[0] > 0.0 else 0.0
     accumulate(rows, work, size)
     if factorise(work.normal, size):
         horizontal, whole = spread_of_position(work.normal, size, up, work.spare)

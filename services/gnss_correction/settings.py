@@ -30,8 +30,12 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Lower satellites are left out."""
     cn0_mask_dbhz: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
     """Weaker satellites are left out; 0 keeps all."""
+    cn0_averaging_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 1.0
+    """Time constant with which C/N0 is averaged for weights and mask; 0 takes each value as it is."""
     most_pdop: Positive = 30.0
-    """With a larger position dilution of precision there is no fix."""
+    """With a larger position dilution of precision the height of an earlier fix is held, or there is no fix."""
+    longest_height_hold_s: Annotated[float, Meta(ge=0.0)] = 30.0
+    """How old a fix may be whose height is held; 0 holds none."""
     threshold_m: Positive = 0.45
     """A change of pseudorange per 0.2 s that differs from its mean by more is held for multipath (paper, 4.4)."""
     near_horizon_extra_m: Annotated[float, Meta(ge=0.0)] = 0.3

@@ -18,6 +18,8 @@ from services.gnss_correction.velocity_fit import fit_velocity
 LOWEST_PLACE_M: Final = -5_000.0
 HIGHEST_PLACE_M: Final = 50_000.0
 """Heights beyond which a solution is no place of a vehicle, with room for bad vertical geometry."""
+HELD_HEIGHT_SIGMA_M: Final = 30.0
+"""How far a held height may be off: what reflections do to it among buildings, and half a minute of gradient."""
 
 _FIX, _FEW, _GEOMETRY = int(Outcome.FIX), int(Outcome.TOO_FEW_SATELLITES), int(Outcome.WEAK_GEOMETRY)
 _ASTRAY, _ABSURD = int(Outcome.NOT_CONVERGED), int(Outcome.ABSURD_PLACE)
@@ -51,10 +53,38 @@ def _place_epoch(
     if outcome != _FIX:
         return outcome
     judge(rows, solution, size, place, work)
-    height_m = geodetic(place[0], place[1], place[2])[2]
     if not solution.pdop <= rules.most_pdop:
         return _GEOMETRY
+    height_m = geodetic(place[0], place[1], place[2])[2]
     return _FIX if LOWEST_PLACE_M < height_m < HIGHEST_PLACE_M else _ABSURD
+
+
+@kernel
+def _hold_height(
+    rows: Records,
+    solution: Any,  # noqa: ANN401 - numba record
+    tow_s: float,
+    rules: Any,  # noqa: ANN401 - numba record
+    known: Float64s,
+    place: Float64s,
+    work: Workspace,
+) -> int:
+    """Solve an epoch of weak geometry with the height of the last good fix as one more measurement."""
+    age_s = tow_s - known[4]
+    if not 0.0 <= age_s <= rules.longest_hold_s:
+        return _GEOMETRY
+    weak_pdop = solution.pdop
+    work.held[0], work.held[1] = 1.0 / (HELD_HEIGHT_SIGMA_M * HELD_HEIGHT_SIGMA_M), known[5]
+    place[0], place[1], place[2] = known[0], known[1], known[2]
+    outcome, _, size = locate(rows, tow_s, rules, place, True, work)  # noqa: FBT003 - kernels take no keywords
+    if outcome == _FIX:
+        take_residuals(rows, work)
+        judge(rows, solution, size, place, work)
+        outcome = _FIX if solution.pdop <= rules.most_pdop else _GEOMETRY
+        solution.held_s = age_s
+        solution.pdop = weak_pdop
+    work.held[0] = 0.0
+    return outcome
 
 
 @kernel
@@ -82,12 +112,16 @@ def _solve_block(
     for epoch in range(tow_s.size):
         seen, solution = rows[first_row[epoch] : first_row[epoch + 1]], solutions[epoch]
         solution.outcome = _place_epoch(seen, solution, tow_s[epoch], rules, known, place, work)
+        if solution.outcome == _GEOMETRY:
+            solution.outcome = _hold_height(seen, solution, tow_s[epoch], rules, known, place, work)
         if solution.outcome != _FIX:
             _look_from_known(seen, known)
             continue
         solution.lat_rad, solution.lon_rad, solution.h_m = geodetic(place[0], place[1], place[2])
         fit_velocity(seen, solution, place, work)
         known[0], known[1], known[2], known[3] = place[0], place[1], place[2], 1.0
+        if np.isnan(solution.held_s):
+            known[4], known[5] = tow_s[epoch], solution.h_m
 
 
 class Solver:
@@ -95,7 +129,8 @@ class Solver:
 
     def __init__(self) -> None:
         """Know no place yet."""
-        self._known = np.zeros(4)
+        self._known = np.array([0.0, 0.0, 0.0, 0.0, -np.inf, 0.0])
+        """Last place (3), whether there is one, time and height of the last fix that held no height."""
         self._work = workspace()
 
     def solve(self, first_row: Ints, tow_s: Float64s, rows: Records, rules: np.void) -> Records:

@@ -12,6 +12,7 @@ MOST_UNKNOWNS: Final = 3 + MOST_SYSTEMS
 
 Records = NDArray[np.void]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 Float64s = NDArray[np.float64]
 
 _GIVEN: Final = (
@@ -28,6 +29,8 @@ _GIVEN: Final = (
     # from Doppler, positive when the satellite recedes; NaN where there is none
     "range_rate_mps",
     "cn0_dbhz",
+    # the same, averaged over the last second or two, for the weights
+    "strength_dbhz",
     "carrier_hz",
 )
 _FOUND: Final = ("elevation_rad", "azimuth_rad", "residual_m")
@@ -67,6 +70,7 @@ SOLUTION: Final = np.dtype(
                 "hdop",
                 "pdop",
                 "sigma_horizontal_m",
+                "held_s",
             )
         ),
     ]
@@ -74,13 +78,14 @@ SOLUTION: Final = np.dtype(
 """Solution of one epoch, NaN where there is none (see `rejection.Outcome`): place and velocity on WGS 84.
 
 `clock_m` is the receiver clock against the first constellation used, times c; `sigma_horizontal_m`
-the root of the sum of both horizontal variances, by the weights and, where larger, the residuals.
+the root of the sum of both horizontal variances, by the weights and, where larger, the residuals;
+`held_s` the age of the height that helped a weak geometry, NaN where none did.
 """
 
 RULES: Final = np.dtype(
     [
         ("by_cn0", np.int64),
-        *((name, np.float64) for name in ("elevation_mask_rad", "cn0_mask_dbhz", "most_pdop")),
+        *((name, np.float64) for name in ("elevation_mask_rad", "cn0_mask_dbhz", "most_pdop", "longest_hold_s")),
         ("alpha", np.float64, (4,)),
         ("beta", np.float64, (4,)),
     ]
@@ -99,6 +104,9 @@ class Workspace(NamedTuple):
     """Per constellation; NaN where it is not solved for."""
     column: Ints
     """Unknown that is the clock of each constellation; -1 when it takes no part."""
+    held: Float64s
+    """A height held as a measurement: its weight (0 when none is), the height, its difference from the present
+    place's, and the vertical there (3)."""
 
 
 def workspace() -> Workspace:
@@ -109,6 +117,7 @@ def workspace() -> Workspace:
         np.empty(MOST_UNKNOWNS),
         np.empty(MOST_SYSTEMS),
         np.empty(MOST_SYSTEMS, np.int64),
+        np.zeros(6),
     )
 
 

@@ -40,7 +40,7 @@ def fit_velocity(rows: Records, solution: Any, place: Float64s, work: Workspace)
         turn_mps = EARTH_RATE_RADPS / LIGHT_MPS * (row.vx_mps * place[1] - row.vy_mps * place[0])
         along_mps = row.line_x * row.vx_mps + row.line_y * row.vy_mps + row.line_z * row.vz_mps
         difference_mps = row.range_rate_mps - (along_mps + turn_mps - row.drift_mps)
-        weight = 1.0 / doppler_variance_m2ps2(row.cn0_dbhz)
+        weight = 1.0 / doppler_variance_m2ps2(row.strength_dbhz)
         line = (row.line_x, row.line_y, row.line_z)
         count += 1
         for p in range(3):

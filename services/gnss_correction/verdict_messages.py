@@ -28,6 +28,7 @@ class _Seen(NamedTuple):
     elevation_rad: float | None
     azimuth_rad: float | None
     cn0_dbhz: float | None
+    strength_dbhz: float | None
     residual_m: float | None
 
 
@@ -42,7 +43,7 @@ def _rejected_because(corrected: Corrected, seen: _Seen, i: int, t_s: float) -> 
         case Rejection.BELOW_MASK if seen.elevation_rad is not None:
             return f"elevation {np.degrees(seen.elevation_rad):.1f}° below the mask of {config.elevation_mask_deg:g}°"
         case Rejection.WEAK_SIGNAL:
-            return f"{seen.cn0_dbhz:.0f} dB-Hz below the mask of {config.cn0_mask_dbhz:g} dB-Hz"
+            return f"{seen.strength_dbhz:.0f} dB-Hz below the mask of {config.cn0_mask_dbhz:g} dB-Hz"
         case Rejection.CONTRADICTS if seen.residual_m is not None:
             return f"contradicts the other satellites by {abs(seen.residual_m) / 1000.0:.1f} km"
         case rejection:
