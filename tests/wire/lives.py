@@ -54,7 +54,7 @@ async def _stuck(node: Node, config: NoConfig) -> None:
     await node.sleep(5 * PERIOD_S)
     structlog.get_logger().info("about_to_block")
     while True:
-        time.sleep(0.01)
+        time.sleep(0.01)  # noqa: ASYNC251 - the fault that is to be noticed
 
 
 async def _stubborn(node: Node, config: NoConfig) -> None:

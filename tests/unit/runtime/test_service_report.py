@@ -9,16 +9,21 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
+from schemas.codec import encode
 from schemas.health import Health, ServiceEvent
-from schemas.topics import HEALTH, SERVICE_EVENT, Place
-from services.runtime.attachment import Attachment
+from schemas.position import TrainTruth
+from schemas.topics import HEALTH, SERVICE_EVENT, TRAIN_TRUTH, Place
+from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service
+from services.runtime.node import Node, Sample, Service
 from services.runtime.service_report import EVENT_BURST, EVENT_RATE_HZ, EventLimiter, ServiceReport
+from tests.unit.schemas.examples import EXAMPLES
 
 TRAIN = Place("demo", "train", "T1")
+KEY = TRAIN_TRUTH.at(TRAIN, device="front")
+TRUTH = EXAMPLES[TrainTruth]
 
 
 class NoConfig(msgspec.Struct, frozen=True):
@@ -29,27 +34,35 @@ async def _idle(node: Node, config: NoConfig) -> None:
     del node, config
 
 
+async def _read(node: Node) -> None:
+    async for _ in node.messages(TRAIN_TRUTH):
+        pass
+
+
 async def _report_for(seconds: float, script: dict[float, str]) -> tuple[list[Health], list[ServiceEvent]]:
     """What a viewer hears while a service's board changes as the script says, by time."""
     clock = ManualClock(asyncio.get_running_loop())
     bus = MemoryBus()
-    subject = MemoryNode(bus, Service("subject", NoConfig, (), (), _idle, "reported on"), TRAIN, clock)
+    about = "reported on"
+    subject = MemoryNode(bus, Service("subject", NoConfig, (TRAIN_TRUTH,), (), _idle, about), TRAIN, clock)
     viewer = MemoryNode(bus, Service("viewer", NoConfig, (HEALTH, SERVICE_EVENT), (), _idle, "reads"), TRAIN, clock)
     messages = viewer.messages(HEALTH, SERVICE_EVENT)
     report = ServiceReport(subject, started=True)
     task = asyncio.create_task(report.run())
+    reading = asyncio.create_task(_read(subject))
     for at_s, what in script.items():
         await asyncio.sleep(at_s - clock.monotonic_s())
         if what == "gap":
-            inputs = subject.health.open_reader()
             for sequence in range(0, 200, 2):
-                inputs.take("k", Attachment("s", "b", sequence, 0), 0.0, clock.monotonic_s())
+                attachment = encode_attachment(Attachment("s", "b", sequence, 0))
+                bus.put(Sample(KEY, encode(TRUTH), attachment, 0), TRAIN_TRUTH.delivery)
         elif what == "well":
             subject.health.clear("why")
         else:
             subject.health.set("why", what)
     await asyncio.sleep(seconds - clock.monotonic_s())
     task.cancel()
+    reading.cancel()
     viewer.stop()
     heard = [message async for message in messages]
     return [m for m in heard if isinstance(m, Health)], [m for m in heard if isinstance(m, ServiceEvent)]
@@ -76,7 +89,7 @@ def test_gaps_become_events_up_to_a_limit_and_the_rest_is_counted() -> None:
     _, events = run_manual(_report_for(3.05, {0.05: "gap"}))
     gaps = [event for event in events if event.kind == "input_gap"]
     assert len(gaps) == EVENT_BURST
-    assert gaps[0].text.startswith("1 missing on k from s")
+    assert gaps[0].text.startswith(f"1 missing on {KEY} from s")
     # The gaps colour the level for ten seconds: its fall is among what is left out, its return is told.
     _, events = run_manual(_report_for(12.05, {0.05: "gap"}))
     assert [event.text for event in events if "left out" in event.text] == [
