@@ -21,7 +21,8 @@ from services.gnss_correction.geodesy import enu_about
 
 MARGIN_M: Final = 60.0
 """Around the line; fixes further out are counted, not drawn."""
-WIDTH_IN: Final = 11.0
+LONGER_SIDE_IN: Final = 11.0
+SHORTER_SIDE_IN: Final = 5.0
 DOTS_PER_INCH: Final = 150
 _NICE: Final = (1.0, 2.0, 5.0)
 
@@ -78,8 +79,8 @@ def _scale_bar(axes: Axes, low: Float64s, high: Float64s) -> None:
     )
     axes.annotate(
         "N",
-        (0.985, 0.97),
-        (0.985, 0.90),
+        (0.965, 0.90),
+        (0.965, 0.97),
         xycoords="axes fraction",
         ha="center",
         va="center",
@@ -171,8 +172,8 @@ def draw_tracks(
         msg = "there is neither a line nor a fix to draw"
         raise ValueError(msg)
     size = around.max(axis=0) - around.min(axis=0) + 2.0 * MARGIN_M
-    height_in = float(np.clip(WIDTH_IN * size[1] / size[0], 4.0, 14.0))
-    figure = Figure(figsize=(WIDTH_IN, height_in + 1.0), dpi=DOTS_PER_INCH, layout="constrained")
+    width_in, height_in = np.clip(LONGER_SIDE_IN * size / size.max(), SHORTER_SIDE_IN, LONGER_SIDE_IN)
+    figure = Figure(figsize=(width_in + 0.8, height_in + 1.2), dpi=DOTS_PER_INCH, layout="constrained")
     axes = figure.add_subplot()
     low, high = _frame(axes, around)
     if base is not None:
