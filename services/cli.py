@@ -6,6 +6,7 @@ import sys
 
 import typer
 
+from services.gnss_correction import command as gnss
 from services.recorder import command as recorder
 from services.runtime import bench_command, bus_command, demo_command
 from services.runtime import command as runtime
@@ -26,6 +27,7 @@ for command in runtime.app_commands:
 app.command()(recorder.record)
 app.command()(recorder.replay)
 app.add_typer(recorder.recording_app, name="recording")
+app.add_typer(gnss.app, name="gnss")
 app.command()(simulator.simulate)
 app.command()(bus_command.topics)
 app.command()(bus_command.schema)

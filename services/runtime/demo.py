@@ -20,6 +20,7 @@ from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig
 from services.runtime.process_end import StopSignals, end_process
 from services.runtime.state_dir import prepare, state_dir
+from services.runtime.terminal_picture import save_picture
 from services.runtime.watch import DRAW_S, WATCH, read_into
 from services.runtime.watch_state import WatchState
 from services.runtime.watch_view import plain_lines, render
@@ -35,10 +36,11 @@ START_LIMIT_S = 90.0
 STOP_S = 6.0
 
 
-def run_demo(seconds: float | None, language: Language) -> NoReturn:
+def run_demo(seconds: float | None, language: Language, picture: Path | None = None) -> NoReturn:
     """Run the embedded demo profile behind the live view; ends the process.
 
-    Until Ctrl-C, or for `seconds`; exit code 1 when no fix was seen.
+    Until Ctrl-C, or for `seconds`; exit code 1 when no fix was seen. The last view is saved as
+    `picture` (SVG).
     """
     console = Console()
     if seconds is None and not console.is_terminal:
@@ -64,7 +66,7 @@ def run_demo(seconds: float | None, language: Language) -> NoReturn:
         )
     code = 1
     try:
-        code = asyncio.Runner().run(_show(console, up, endpoint, seconds, language))
+        code = asyncio.Runner().run(_show(console, up, endpoint, seconds, language, picture))
     finally:
         up.terminate()
         with suppress(subprocess.TimeoutExpired):
@@ -91,7 +93,12 @@ def _port() -> int:
 
 
 async def _show(
-    console: Console, up: subprocess.Popen[bytes], endpoint: str, seconds: float | None, language: Language
+    console: Console,
+    up: subprocess.Popen[bytes],
+    endpoint: str,
+    seconds: float | None,
+    language: Language,
+    picture: Path | None,
 ) -> int:
     """Exit code, once the time is over, Ctrl-C was pressed, or nothing came."""
     loop = asyncio.get_running_loop()
@@ -118,6 +125,8 @@ async def _show(
             now_s = node.clock.monotonic_s()
             await node.close()
     console.print(render(view, now_s, language))
+    if picture is not None:
+        save_picture(render(view, now_s, language), "kirotei demo", picture)
     heard = any(row.fix is not None for device in view.devices.values() for row in device.methods.values())
     if heard:
         console.print("Do it by hand: `kirotei up` in one terminal, `kirotei watch` in another.", markup=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,6 +14,7 @@ def demo(
         float | None,
         typer.Option(min=1.0, help="End after this long with fixes; else at Ctrl-C (a minute when piped)."),
     ] = None,
+    picture: Annotated[Path | None, typer.Option(help="Save the last view as this SVG file.")] = None,
     lang: Annotated[str, typer.Option(help="en or ja.")] = "en",
 ) -> None:
     """Watch a simulated train drive through a street canyon: raw, removed and adjusted fixes against the truth.
@@ -22,6 +24,9 @@ def demo(
     if lang not in ("en", "ja"):
         typer.echo(f"kirotei demo: --lang {lang}: there are en and ja", err=True)
         raise typer.Exit(2)
+    if picture is not None and not picture.parent.is_dir():
+        typer.echo(f"kirotei demo: there is no folder {picture.parent}", err=True)
+        raise typer.Exit(2)
     from services.runtime.demo import run_demo
 
-    run_demo(seconds, "ja" if lang == "ja" else "en")
+    run_demo(seconds, "ja" if lang == "ja" else "en", picture)
