@@ -6,8 +6,8 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Mapping
-from typing import Any, TextIO
+from collections.abc import Callable, Mapping
+from typing import Any, TextIO, cast
 
 import msgspec
 import structlog
@@ -16,6 +16,34 @@ from structlog.typing import EventDict, Processor, WrappedLogger
 from services.runtime.host_config import LogConfig
 
 Logger = structlog.typing.FilteringBoundLogger
+
+
+class LogStream:
+    """A stream whose loss (its reader gone, its disk full) costs lines, never the service."""
+
+    def __init__(self, stream: TextIO, on_lost: Callable[[], object] | None = None) -> None:
+        """Write to `stream`; `on_lost` is called once, when its reader has gone."""
+        self._stream = stream
+        self._on_lost = on_lost
+
+    def write(self, text: str) -> int:
+        """Write if that is possible."""
+        return self._attempt(lambda: self._stream.write(text))
+
+    def flush(self) -> None:
+        """Flush if that is possible."""
+        self._attempt(self._stream.flush)
+
+    def _attempt(self, act: Callable[[], int | None]) -> int:
+        try:
+            return act() or 0
+        except BrokenPipeError:
+            on_lost, self._on_lost = self._on_lost, None
+            if on_lost is not None:
+                on_lost()
+        except (OSError, ValueError):  # disk full, terminal gone, closed
+            pass
+        return 0
 
 
 def wants_json(config: LogConfig, stream: TextIO) -> bool:
@@ -30,8 +58,17 @@ def wants_colour(environment: Mapping[str, str], stream: TextIO) -> bool:
     return bool(environment.get("FORCE_COLOR")) or stream.isatty()
 
 
-def configure(config: LogConfig, stream: TextIO, *, colour: bool = False, **bound: str) -> Logger:
+def configure(
+    config: LogConfig,
+    stream: TextIO,
+    *,
+    colour: bool = False,
+    on_lost: Callable[[], object] | None = None,
+    **bound: str,
+) -> Logger:
     """Set up the log of this process and return its logger; `bound` fields stand in every line.
+
+    `on_lost` is called once when the reader of the stream has gone; the process goes on.
 
     What libraries log or warn, and what ends a thread, goes the same way, so that JSON lines
     stay JSON lines.
@@ -50,15 +87,16 @@ def configure(config: LogConfig, stream: TextIO, *, colour: bool = False, **boun
         )
         shared[-1] = structlog.processors.TimeStamper(fmt="%H:%M:%S", utc=False, key="time")
     level = getattr(logging, config.level.upper())
+    lines = cast("TextIO", LogStream(stream, on_lost))  # structlog and logging call write and flush alone
     structlog.configure(
         processors=[*shared, renderer],
         wrapper_class=structlog.make_filtering_bound_logger(level),
-        logger_factory=structlog.WriteLoggerFactory(stream),
+        logger_factory=structlog.WriteLoggerFactory(lines),
         cache_logger_on_first_use=False,
     )
     structlog.contextvars.clear_contextvars()
     structlog.contextvars.bind_contextvars(**bound)
-    _route_libraries(shared, renderer, stream, level)
+    _route_libraries(shared, renderer, lines, level)
     logger: Logger = structlog.get_logger()
     _route_threads(logger)
     return logger

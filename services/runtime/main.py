@@ -151,7 +151,7 @@ class Life:
         self.log = self.log.bind(boot=node.health.boot_id)
         self.log.info("opened", router=", ".join(self.profile.host.bus.connect))
         node.health.set("starting", "starting: not ready yet")
-        report = ServiceReport(node)
+        report = ServiceReport(node, note=lambda kind, text: self.log.warning(kind, text=text))
         reporting = group.create_task(report.run(), name="health")
         work = group.create_task(_outcome(self.service.run(node, self.config)), name=self.instance)
         try:

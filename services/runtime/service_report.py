@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -45,6 +46,8 @@ class ServiceReport:
     """Reports on one node until cancelled."""
 
     node: Node
+    note: Callable[[Kind, str], object] | None = None
+    """Told every event that is published by itself, for the log."""
     started: bool = False
     """Changes of level are events only after the start."""
     _limiter: EventLimiter = field(default_factory=EventLimiter)
@@ -85,5 +88,9 @@ class ServiceReport:
 
     async def _limited(self, kind: Kind, text: str) -> None:
         suppressed = self._limiter.admit(self.node.clock.monotonic_s())
-        if suppressed is not None:
-            await self.event(kind, f"{text} ({suppressed} events before this one left out)" if suppressed else text)
+        if suppressed is None:
+            return
+        told = f"{text} ({suppressed} events before this one left out)" if suppressed else text
+        if self.note is not None:
+            self.note(kind, told)
+        await self.event(kind, told)

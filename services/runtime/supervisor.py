@@ -10,13 +10,13 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import NoReturn, TextIO
+from typing import NoReturn
 
 from services.runtime.catalogue import load_service, service_name
 from services.runtime.child_output import OutputStyle
 from services.runtime.child_process import Child, ChildPlan, start_child
 from services.runtime.config import ConfigError, Profile
-from services.runtime.logging import Logger, configure, wants_colour, wants_json
+from services.runtime.logging import Logger, LogStream, configure, wants_colour, wants_json
 from services.runtime.process_end import StopSignals, end_process
 from services.runtime.restart_policy import RestartPolicy, exit_words
 from services.runtime.state_dir import prepare, state_dir
@@ -39,7 +39,9 @@ def run_supervisor(profile: Profile, plans: tuple[ChildPlan, ...]) -> NoReturn:
     stream = sys.stdout
     json = wants_json(profile.host.log, stream)
     colour = not json and wants_colour(os.environ, stream)
-    log = configure(profile.host.log, stream, colour=colour, service="supervisor")
+    # Without a reader nobody watches any more: `kirotei up | head` ends.
+    lost = asyncio.Event()
+    log = configure(profile.host.log, stream, colour=colour, on_lost=lost.set, service="supervisor")
     warning = prepare(state_dir(os.environ, profile.host.state_dir), os.environ)
     if warning:
         log.warning("state_not_kept", text=warning)
@@ -47,7 +49,7 @@ def run_supervisor(profile: Profile, plans: tuple[ChildPlan, ...]) -> NoReturn:
     environment = {**os.environ, "KIROTEI__LOG__FORMAT": "json" if json else "text"}
     if colour:
         environment["FORCE_COLOR"] = "1"
-    supervisor = Supervisor(profile, plans, environment, style, stream, log)
+    supervisor = Supervisor(profile, plans, environment, style, LogStream(stream, lost.set), log, lost)
     code = asyncio.Runner().run(supervisor.run())
     if supervisor.misconfigured:
         sys.stderr.write("".join(f"{problem}\n" for problem in profile_problems(profile)))
@@ -80,6 +82,16 @@ def router_plan(profile: Profile) -> ChildPlan:
     return ChildPlan(ROUTER, command, for_ever=True)
 
 
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How one run of a process ended."""
+
+    code: int
+    ready_for_s: float | None
+    """How long it had been ready; None when it never was."""
+    misconfigured: bool
+
+
 @dataclass(slots=True)
 class Supervisor:
     """Starts, watches, restarts and stops a router and services."""
@@ -88,34 +100,38 @@ class Supervisor:
     plans: tuple[ChildPlan, ...]
     environment: Mapping[str, str]
     style: OutputStyle
-    stream: TextIO
+    stream: LogStream
     log: Logger
+    stop: asyncio.Event
+    """Set by whoever wants an end."""
     clock_s: Callable[[], float] = time.monotonic
     misconfigured: bool = False
     """A service could not start with its configuration, and everything was stopped."""
     _children: dict[str, Child] = field(default_factory=dict)
     _waiting: set[str] = field(default_factory=set)
     """Names that have not yet been ready or done."""
-    _stop: asyncio.Event = field(default_factory=asyncio.Event)
-    _router_settled: asyncio.Event = field(default_factory=asyncio.Event)
-    """It listens, or everything stops."""
+    _router_up: asyncio.Event = field(default_factory=asyncio.Event)
     _code: int = 0
 
     async def run(self) -> int:
         """Exit code, once everything has ended."""
         loop = asyncio.get_running_loop()
-        StopSignals(lambda: loop.call_soon_threadsafe(self._request_stop), HARD_EXIT_S)
-        loop.add_signal_handler(signal.SIGHUP, self._request_stop)
+        StopSignals(lambda: loop.call_soon_threadsafe(self.stop.set), HARD_EXIT_S)
+        loop.add_signal_handler(signal.SIGHUP, self.stop.set)
         self._waiting = {plan.name for plan in self.plans}
-        async with asyncio.TaskGroup() as group:
-            router = await self._start_router(group)
-            services = [group.create_task(self._keep(plan), name=plan.name) for plan in self.plans]
-            if not self._stop.is_set():
-                await self._until_stopped_or_done(services)
-            self._request_stop()
-            await self._stop_children(services, STOP_S)
-            if router is not None:
-                await self._stop_children([router], ROUTER_STOP_S)
+        try:
+            async with asyncio.TaskGroup() as group:
+                router = await self._start_router(group)
+                services = [group.create_task(self._keep(plan), name=plan.name) for plan in self.plans]
+                if not self.stop.is_set():
+                    await self._until_stopped_or_done(services)
+                self.stop.set()
+                await self._stop_children(services, STOP_S)
+                if router is not None:
+                    await self._stop_children([router], ROUTER_STOP_S)
+        finally:
+            for child in self._children.values():  # only after a fault of the supervisor itself
+                child.kill()
         self.log.info("stopped")
         return self._code
 
@@ -125,12 +141,16 @@ class Supervisor:
             return None
         self._waiting.add(ROUTER)
         router = group.create_task(self._keep(router_plan(self.profile)), name=ROUTER)
-        await self._router_settled.wait()
+        async with asyncio.TaskGroup() as waits:
+            either = {waits.create_task(event.wait()) for event in (self._router_up, self.stop)}
+            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+            for wait in either:
+                wait.cancel()
         return router
 
     async def _until_stopped_or_done(self, services: list[asyncio.Task[None]]) -> None:
         async with asyncio.TaskGroup() as group:
-            stop = group.create_task(self._stop.wait(), name="stop")
+            stop = group.create_task(self.stop.wait(), name="stop")
             left = set(services)
             while left and not stop.done():
                 done, _ = await asyncio.wait({stop, *left}, return_when=asyncio.FIRST_COMPLETED)
@@ -144,36 +164,47 @@ class Supervisor:
     async def _keep(self, plan: ChildPlan) -> None:
         """Keep one process running until it is done or everything stops."""
         policy = RestartPolicy(restart_when_done=plan.for_ever)
-        while not self._stop.is_set():
-            child = await start_child(plan, self.environment, self.profile.host.life.watchdog_s, self.clock_s)
-            self._children[plan.name] = child
-            self.log.info("started", child=plan.name, pid=child.pid)
-            async with asyncio.TaskGroup() as group:
-                watching = group.create_task(self._watch(child), name=f"watch {plan.name}")
-                code = await child.ended(self._emit)
-                watching.cancel()
-            del self._children[plan.name]
-            if self._stop.is_set():
+        while not self.stop.is_set():
+            ended = await self._run_once(plan)
+            if self.stop.is_set():
                 return
-            since_s = child.listener.ready_at_s
-            ready_for_s = None if since_s is None else self.clock_s() - since_s
-            if plan.name in self._waiting and (plan.name == ROUTER or child.listener.misconfigured):
-                self.misconfigured = plan.name != ROUTER
-                self.log.error("cannot_start", child=plan.name, text=exit_words(code))
+            if plan.name in self._waiting and (plan.name == ROUTER or ended.misconfigured):
+                self.misconfigured = ended.misconfigured
+                self.log.error("cannot_start", child=plan.name, text=exit_words(ended.code))
                 self._code = 1
-                self._request_stop()
+                self.stop.set()
                 return
-            wait_s = policy.after_exit(code, ready_for_s)
+            wait_s = policy.after_exit(ended.code, ended.ready_for_s)
             if wait_s is None:
                 self.log.info("done", child=plan.name)
                 self._arrived(plan.name)
                 return
             self.log.warning(
-                "restarting", child=plan.name, ended=exit_words(code), in_s=wait_s, restarts=policy.restarts
+                "restarting", child=plan.name, ended=exit_words(ended.code), in_s=wait_s, restarts=policy.restarts
             )
             with suppress(TimeoutError):
                 async with asyncio.timeout(wait_s):
-                    await self._stop.wait()
+                    await self.stop.wait()
+
+    async def _run_once(self, plan: ChildPlan) -> Ended:
+        """Start a process and wait for its end."""
+        try:
+            child = await start_child(plan, self.environment, self.profile.host.life.watchdog_s, self.clock_s)
+        except OSError as error:  # no memory, no process or file left, no such program
+            self.log.error("cannot_spawn", child=plan.name, text=str(error))  # noqa: TRY400 - the words say all
+            return Ended(1, None, misconfigured=False)
+        self._children[plan.name] = child
+        self.log.info("started", child=plan.name, pid=child.pid)
+        if self.stop.is_set():
+            child.terminate()
+        async with asyncio.TaskGroup() as group:
+            watching = group.create_task(self._watch(child), name=f"watch {plan.name}")
+            code = await child.ended(self._emit)
+            watching.cancel()
+        del self._children[plan.name]
+        since_s = child.listener.ready_at_s
+        ready_for_s = None if since_s is None else self.clock_s() - since_s
+        return Ended(code, ready_for_s, child.listener.misconfigured)
 
     async def _watch(self, child: Child) -> None:
         """Tell when a child is ready, and kill it when it gives no sign of life any more."""
@@ -188,17 +219,13 @@ class Supervisor:
         self.log.error("watchdog_killed", child=child.plan.name, text=f"no sign of life for {limit_s:g} s")
         child.kill()
 
-    def _request_stop(self) -> None:
-        self._stop.set()
-        self._router_settled.set()
-
     def _arrived(self, name: str) -> None:
         if name == ROUTER:
-            self._router_settled.set()
+            self._router_up.set()
         if name not in self._waiting:
             return
         self._waiting.discard(name)
-        if not self._waiting and not self._stop.is_set():
+        if not self._waiting and not self.stop.is_set():
             self._announce()
 
     def _announce(self) -> None:
@@ -229,8 +256,5 @@ class Supervisor:
         self._write(self.style.dressed(name, line, error=error))
 
     def _write(self, text: str) -> None:
-        try:
-            self.stream.write(text + "\n")
-            self.stream.flush()
-        except (BrokenPipeError, ValueError):  # whoever read this has gone: nobody watches any more
-            self._request_stop()
+        self.stream.write(text + "\n")
+        self.stream.flush()

@@ -1,4 +1,7 @@
-"""The supervisor over services of tests/wire/lives.py: `python -m tests.wire.lives_up PROFILE NAME…`."""
+"""The supervisor over services of tests/wire/lives.py: `python -m tests.wire.lives_up PROFILE NAME…`.
+
+A NAME with a slash is a program of its own.
+"""
 
 from __future__ import annotations
 
@@ -12,5 +15,7 @@ from services.runtime.supervisor import run_supervisor
 
 if __name__ == "__main__":
     _, file, *names = sys.argv
-    command = (sys.executable, "-m", "tests.wire.lives")
-    run_supervisor(load_host(Path(file), os.environ), tuple(ChildPlan(name, (*command, name, file)) for name in names))
+    lives = (sys.executable, "-m", "tests.wire.lives")
+    commands = {name: (name,) if "/" in name else (*lives, name, file) for name in names}
+    plans = tuple(ChildPlan(name, command) for name, command in commands.items())
+    run_supervisor(load_host(Path(file), os.environ), plans)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +20,7 @@ from services.runtime.node import Node, Service
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 from tests.wire.ports import free_port
-from tests.wire.processes import running, write_profile
+from tests.wire.processes import ROOT, running, write_profile
 
 LIVES = ("-m", "tests.wire.lives")
 CLI = ("-m", "services.cli")
@@ -139,6 +141,17 @@ def test_a_second_service_of_the_same_identity_is_refused(profile: Path) -> None
         winner = second if loser is first else first
         winner.send(signal.SIGTERM)
         assert winner.ended(END_S) == 0
+
+
+def test_a_log_whose_reader_has_gone_does_not_disturb_the_end(profile: Path) -> None:
+    command = [sys.executable, *LIVES, "beat", str(profile)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout is not None
+        while '"ready"' not in process.stdout.readline():
+            pass
+        process.stdout.close()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(END_S) == 0
 
 
 def test_a_dead_notify_socket_is_harmless(profile: Path, tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
@@ -19,7 +21,7 @@ from services.runtime.node import Arrival, Node, Service
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 from tests.wire.ports import free_port
-from tests.wire.processes import Running, alive, running, write_profile
+from tests.wire.processes import PATIENCE_S, ROOT, Running, alive, running, write_profile
 
 UP = ("-m", "tests.wire.lives_up")
 CLI = ("-m", "services.cli")
@@ -167,6 +169,25 @@ def test_it_ends_when_all_work_is_done(profile: Path) -> None:
     with running(*UP, str(profile), "done") as process:
         process.event("done", child="done")
         process.event("all_done")
+        assert process.ended(END_S) == 0
+
+
+def test_it_ends_when_nobody_reads_its_output_any_more(profile: Path) -> None:
+    command = [sys.executable, *UP, str(profile), "raises"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout is not None
+        while '"all_ready"' not in process.stdout.readline():
+            pass
+        process.stdout.close()
+        assert process.wait(PATIENCE_S) == 0
+
+
+def test_a_program_that_cannot_be_started_is_told_and_tried_again(profile: Path) -> None:
+    with running(*UP, str(profile), "/nonexistent/program") as process:
+        assert "No such file" in process.event("cannot_spawn")["text"]
+        assert process.event("restarting")["in_s"] == 0.2
+        process.event("cannot_spawn")
+        process.send(signal.SIGTERM)
         assert process.ended(END_S) == 0
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import logging
+import os
 import subprocess
 import sys
 import threading
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import structlog
@@ -129,3 +132,25 @@ log.info("ready")
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=30)
     assert [json.loads(line)["event"] for line in done.stdout.splitlines()] == ["ready"]
     assert done.stderr.split() == ["native", "python"]
+
+
+def test_a_log_whose_reader_has_gone_ends_nothing() -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    lost: list[str] = []
+    stream = os.fdopen(writer, "w", buffering=1)
+    log = configure(LogConfig(format="json"), stream, on_lost=lambda: lost.append("lost"))
+    log.info("first")
+    log.info("second")
+    assert lost == ["lost"]
+    with contextlib.suppress(BrokenPipeError):
+        stream.close()
+    log.info("third")
+
+
+def test_a_full_disk_ends_nothing() -> None:
+    with Path("/dev/full").open("w", buffering=1, encoding="ascii") as full:
+        log = configure(LogConfig(format="json"), full, on_lost=lambda: pytest.fail("a full disk is no lost reader"))
+        log.info("first")
+        with contextlib.suppress(OSError):
+            full.close()

@@ -47,7 +47,8 @@ async def _report_for(seconds: float, script: dict[float, str]) -> tuple[list[He
     subject = MemoryNode(bus, Service("subject", NoConfig, (TRAIN_TRUTH,), (), _idle, about), TRAIN, clock)
     viewer = MemoryNode(bus, Service("viewer", NoConfig, (HEALTH, SERVICE_EVENT), (), _idle, "reads"), TRAIN, clock)
     messages = viewer.messages(HEALTH, SERVICE_EVENT)
-    report = ServiceReport(subject, started=True)
+    noted: list[str] = []
+    report = ServiceReport(subject, note=lambda _, text: noted.append(text), started=True)
     task = asyncio.create_task(report.run())
     reading = asyncio.create_task(_read(subject))
     for at_s, what in script.items():
@@ -65,6 +66,7 @@ async def _report_for(seconds: float, script: dict[float, str]) -> tuple[list[He
     reading.cancel()
     viewer.stop()
     heard = [message async for message in messages]
+    assert noted == [message.text for message in heard if isinstance(message, ServiceEvent)]
     return [m for m in heard if isinstance(m, Health)], [m for m in heard if isinstance(m, ServiceEvent)]
 
 
