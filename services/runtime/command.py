@@ -93,13 +93,20 @@ def watch(
     if as_json and not once:
         typer.echo("kirotei watch: --json goes with --once", err=True)
         raise typer.Exit(2)
+    import msgspec
+
+    from services.runtime.host_config import BusConfig
     from services.runtime.watch import run_watch
 
-    profile = _load("watch", config)
-    endpoint = connect or profile.host.bus.connect[0]
-    run_watch(
-        endpoint, line or profile.host.place.line, once=once, language="ja" if lang == "ja" else "en", as_json=as_json
-    )
+    host = _load("watch", config).host
+    bus = host.bus
+    if connect is not None:
+        try:
+            bus = msgspec.convert(msgspec.structs.asdict(bus) | {"connect": [connect]}, BusConfig)
+        except msgspec.ValidationError as error:
+            typer.echo(f"kirotei watch: {connect!r} is no endpoint such as tcp/127.0.0.1:7447", err=True)
+            raise typer.Exit(2) from error
+    run_watch(bus, line or host.place.line, once=once, language="ja" if lang == "ja" else "en", as_json=as_json)
 
 
 @config_app.command("check")

@@ -9,7 +9,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn
 
-import msgspec
 from rich.console import Console
 from rich.live import Live
 
@@ -92,19 +91,15 @@ def take(state: WatchState, arrival: Arrival[Message], now_s: float) -> None:
             return
 
 
-def run_watch(endpoint: str, line: str, *, once: bool, language: Language, as_json: bool) -> NoReturn:
+def run_watch(bus: BusConfig, line: str, *, once: bool, language: Language, as_json: bool) -> NoReturn:
     """View a line through a router until Ctrl-C, or once; ends the process.
 
-    Exit code 0, 1 when `once` heard nothing in ten seconds, 2 for a line or endpoint that cannot be.
+    Exit code 0, 1 when `once` heard nothing in ten seconds, 2 for a line that cannot be.
     """
     try:
         place = Place(line, "cloud", "viewers")
-        bus = msgspec.convert({"connect": [endpoint]}, BusConfig)
     except TopicError as error:
         sys.stderr.write(f"kirotei watch: {error}\n")
-        end_process(2)
-    except msgspec.ValidationError:
-        sys.stderr.write(f"kirotei watch: {endpoint!r} is no endpoint such as tcp/127.0.0.1:7447\n")
         end_process(2)
     view = View(place, bus, once=once, language=language, as_json=as_json)
     code = 1
