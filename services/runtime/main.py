@@ -191,6 +191,7 @@ class Life:
             self.log.info("ready")
             self.notifier.ready()
             self.notifier.status("running")
+            await report.look()  # being ready is no change of level
             await self._tell(report, "started", self.service.about)
             report.started = True
         return True
