@@ -20,7 +20,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from services.gnss_correction.clock_jump import clock_jump_m
+from services.gnss_correction.clock_jump import MILLISECOND_M, clock_jump_ms
 from services.gnss_correction.settings import Config
 
 NOMINAL_INTERVAL_S: Final = 0.2
@@ -68,10 +68,20 @@ class Judgement(NamedTuple):
 class _Track:
     """One satellite's past on one signal."""
 
-    __slots__ = ("adjusting_from_s", "followed_m", "pseudorange_m", "range_rate_mps", "rates_mps", "signal", "t_s")
+    __slots__ = (
+        "adjusting_from_s",
+        "clock_ms",
+        "followed_m",
+        "pseudorange_m",
+        "range_rate_mps",
+        "rates_mps",
+        "signal",
+        "t_s",
+    )
 
-    def __init__(self, t_s: float, sight: Sight, window: int) -> None:
+    def __init__(self, t_s: float, sight: Sight, clock_ms: int, window: int) -> None:
         self.signal = sight.signal
+        self.clock_ms = clock_ms
         self.t_s = t_s
         self.pseudorange_m = self.followed_m = sight.pseudorange_m
         self.range_rate_mps = sight.range_rate_mps
@@ -93,6 +103,8 @@ class MultipathDetector:
         """Know no satellite yet."""
         self._config = config
         self._tracks: dict[int, _Track] = {}
+        self._clock_ms = 0
+        """Sum of the jumps so far."""
         self.clock_jumps = 0
         """Jumps of the receiver's clock taken out so far."""
 
@@ -107,30 +119,38 @@ class MultipathDetector:
             track = self._tracks.get(sight.satellite)
             if track and track.signal == sight.signal and 0.0 < t_s - track.t_s <= self._config.longest_gap_s:
                 known[sight.satellite] = track
-        jump_m = self._jump_m(t_s, sights, known)
+        self._follow_clock(t_s, sights, known)
         judgements = []
         for sight in sights:
             track = known.get(sight.satellite)
             if track is None:
-                self._tracks[sight.satellite] = _Track(t_s, sight, self._config.window_epochs)
+                self._tracks[sight.satellite] = _Track(t_s, sight, self._clock_ms, self._config.window_epochs)
                 judgements.append(Judgement(watched_epochs=0))
             else:
-                judgements.append(self._follow(track, t_s, sight, jump_m))
+                judgements.append(self._follow(track, t_s, sight))
         return judgements
 
-    def _jump_m(self, t_s: float, sights: Sequence[Sight], known: dict[int, _Track]) -> float:
-        """Jump of the receiver's clock since the satellites were last seen."""
+    def _follow_clock(self, t_s: float, sights: Sequence[Sight], known: dict[int, _Track]) -> None:
+        """Count a jump of the receiver's clock since the epoch before."""
         unpredicted_m = [
-            sight.pseudorange_m - track.pseudorange_m - track.predicted_change_m(sight, t_s - track.t_s)
+            sight.pseudorange_m
+            - track.pseudorange_m
+            - (self._clock_ms - track.clock_ms) * MILLISECOND_M
+            - track.predicted_change_m(sight, t_s - track.t_s)
             for sight in sights
             if (track := known.get(sight.satellite))
         ]
-        jump_m = clock_jump_m(unpredicted_m)
-        self.clock_jumps += jump_m != 0.0
-        return jump_m
+        jump_ms = clock_jump_ms(unpredicted_m)
+        self._clock_ms += jump_ms
+        self.clock_jumps += jump_ms != 0
 
-    def _follow(self, track: _Track, t_s: float, sight: Sight, jump_m: float) -> Judgement:
-        interval_s = t_s - track.t_s
+    def _follow(self, track: _Track, t_s: float, sight: Sight) -> Judgement:
+        jump_ms = self._clock_ms - track.clock_ms
+        jump_m = jump_ms * MILLISECOND_M
+        interval_s = t_s - track.t_s - jump_ms * 1e-3
+        if interval_s <= 0.0:
+            self._tracks[sight.satellite] = _Track(t_s, sight, self._clock_ms, self._config.window_epochs)
+            return Judgement(watched_epochs=0)
         rate_mps = (sight.pseudorange_m - track.pseudorange_m - jump_m) / interval_s
         window = list(track.rates_mps)
         if self._config.mean_includes_current:
@@ -138,15 +158,23 @@ class MultipathDetector:
         track.rates_mps.append(rate_mps)
         judgement = Judgement(watched_epochs=len(window))
         if len(window) == self._config.window_epochs:
-            judgement = self._compare(track, t_s, sight.elevation_rad, jump_m, rate_mps, window)
+            judgement = self._compare(track, t_s, sight.elevation_rad, jump_m, interval_s, rate_mps, window)
         if not judgement.flagged:
             track.adjusting_from_s = None
         track.followed_m = judgement.substitute_m if judgement.substitute_m is not None else sight.pseudorange_m
-        track.t_s, track.pseudorange_m, track.range_rate_mps = t_s, sight.pseudorange_m, sight.range_rate_mps
+        track.t_s, track.clock_ms = t_s, self._clock_ms
+        track.pseudorange_m, track.range_rate_mps = sight.pseudorange_m, sight.range_rate_mps
         return judgement
 
     def _compare(
-        self, track: _Track, t_s: float, elevation_rad: float, jump_m: float, rate_mps: float, window: list[float]
+        self,
+        track: _Track,
+        t_s: float,
+        elevation_rad: float,
+        jump_m: float,
+        interval_s: float,
+        rate_mps: float,
+        window: list[float],
     ) -> Judgement:
         config = self._config
         mean_mps = sum(abs(rate) for rate in window) / len(window)
@@ -161,5 +189,5 @@ class MultipathDetector:
         adjusting_s = t_s - track.adjusting_from_s
         substitute_m = None
         if adjusting_s <= config.longest_adjusting_s:
-            substitute_m = track.followed_m + jump_m + sum(window) / len(window) * (t_s - track.t_s)
+            substitute_m = track.followed_m + jump_m + sum(window) / len(window) * interval_s
         return Judgement(len(window), change_m, threshold_m, True, substitute_m, adjusting_s)  # noqa: FBT003 - in the order of the fields

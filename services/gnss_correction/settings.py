@@ -50,5 +50,6 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     longest_adjusting_s: Annotated[float, Meta(ge=0.0)] = 10.0
     """A pseudorange is substituted for at most this long; then the satellite is left out until it is clean. The paper
     sets no limit."""
-    longest_gap_s: Positive = 1.0
-    """A satellite that was away longer is watched from anew. The paper does not speak of gaps."""
+    longest_gap_s: Positive = 1.5
+    """A satellite that was away longer is watched from anew; receivers of 1 Hz stay below. The paper does not speak of
+    gaps."""
