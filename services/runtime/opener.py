@@ -73,11 +73,13 @@ class Opener:
             return None
         payload = sample.payload
         if len(payload) > MAX_MESSAGE_BYTES:
-            return self._refuse(route, sample, sent, now_s)
+            self._refuse(route, sample, sent, now_s)
+            return None
         try:
             message = route.decode(payload)
         except _UNDECODABLE:
-            return self._refuse(route, sample, sent, now_s)
+            self._refuse(route, sample, sent, now_s)
+            return None
         self._health.received += 1
         return message, sent, route.address
 

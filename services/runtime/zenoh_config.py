@@ -57,6 +57,7 @@ def router_config(router: RouterConfig) -> zenoh.Config:
             "mode": "router",
             "listen/endpoints": list(router.listen),
             "listen/exit_on_failure": True,
+            "scouting/delay": 0,  # nothing is scouted for; Zenoh would wait half a second for it all the same
             "connect/endpoints": list(router.connect),
             "connect/timeout_ms": -1,
             "connect/exit_on_failure": False,

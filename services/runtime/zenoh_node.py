@@ -6,6 +6,7 @@ import asyncio
 import secrets
 import threading
 from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
 from typing import Any, Self, TypeVar
 
 import zenoh
@@ -59,6 +60,7 @@ class ZenohNode:
         self._inboxes: list[Inbox] = []
         self._subscriptions: list[Subscription] = []
         self._watches: list[AliveWatch] = []
+        self._closed = False
         self._token: zenoh.LivelinessToken | None = None
 
     @classmethod
@@ -236,6 +238,9 @@ class ZenohNode:
 
         Takes at most one second and a half, however stuck the link is.
         """
+        if self._closed:
+            return 0
+        self._closed = True
         self.stop()
         unsent = 0
         done = asyncio.Event()
@@ -247,15 +252,14 @@ class ZenohNode:
             for subscription in self._subscriptions:
                 subscription.close(CLOSE_S)
             close_session(self._session)
-            loop.call_soon_threadsafe(done.set)
+            with suppress(RuntimeError):  # the loop has ended: nobody waited that long
+                loop.call_soon_threadsafe(done.set)
 
         # A thread that may be left behind: a stuck link must not hold up the interpreter's end.
         threading.Thread(target=end, name=f"{self.instance}-close", daemon=True).start()
-        try:
+        with suppress(TimeoutError):
             async with asyncio.timeout(FLUSH_S + CLOSE_S):
                 await done.wait()
-        except TimeoutError:
-            pass
         if unsent:
             self.health.count("unsent", unsent)
         return unsent
