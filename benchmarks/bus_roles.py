@@ -5,17 +5,19 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Literal
 
 import msgspec
 import zenoh
+from zenoh import ext
 
 from schemas.codec import decode, encode
+from schemas.health import ServiceEvent
 from schemas.position import TrainTruth
-from schemas.topics import TRAIN_TRUTH, Place
+from schemas.topics import SERVICE_EVENT, TRAIN_TRUTH, Place, Topic
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, RouterConfig
@@ -23,13 +25,14 @@ from services.runtime.node import Node, Service
 from services.runtime.router import open_router
 from services.runtime.zenoh_config import client_config
 from services.runtime.zenoh_node import ZenohNode
+from services.runtime.zenoh_publishers import ZenohPublisher, declare
 from services.runtime.zenoh_session import close_session
 
 By = Literal["raw", "node"]
+Kind = Literal["stream", "batched", "kept"]
+"""`stream` and `kept` as those deliveries; `batched`: what Zenoh does fastest, waiting rather than dropping."""
 PAYLOAD_BYTES = 195
 PLACE = Place("bench", "train", "T1")
-DEVICE = "front"
-KEY = TRAIN_TRUTH.at(PLACE, device=DEVICE)
 SETTLE_S = 0.5
 """From declaring to publishing, so that the publisher knows of the subscription."""
 IDLE_S = 1.0
@@ -45,13 +48,45 @@ class NoConfig(msgspec.Struct, frozen=True):
 class Flow:
     """What is published."""
 
+    kind: Kind
     count: int
     rate_hz: float | None
     """None: as fast as it goes."""
-    express: bool
-    """Each message at once and dropped rather than waited for (STREAM); else batched and waited for."""
     timed: bool
     """Measure the latency of each message."""
+
+    @property
+    def topic(self) -> Topic[TrainTruth] | Topic[ServiceEvent]:
+        """What it is published as."""
+        return SERVICE_EVENT if self.kind == "kept" else TRAIN_TRUTH
+
+    @property
+    def fields(self) -> dict[str, str]:
+        """Fields of its key."""
+        return {"service": "bench"} if self.kind == "kept" else {"device": "front"}
+
+    def message(self, t_ns: int, padding: str) -> TrainTruth | ServiceEvent:
+        """Message of the flow's topic."""
+        if self.kind == "kept":
+            return ServiceEvent(t_ns=t_ns, service="bench", boot_id="0123456789ab", kind="level", text=padding)
+        return TrainTruth(
+            t_ns=t_ns,
+            lat_deg=35.0,
+            lon_deg=135.0,
+            h_m=50.0,
+            ve_mps=10.0,
+            vn_mps=20.0,
+            vu_mps=0.0,
+            axis_m=1000.0,
+            speed_mps=22.4,
+            surroundings=padding,
+        )
+
+    def padding(self) -> str:
+        """Text that brings a message to 195 bytes."""
+        now_ns = time.time_ns()
+        texts = ("." * length for length in range(PAYLOAD_BYTES))
+        return next(text for text in texts if len(encode(self.message(now_ns, text))) == PAYLOAD_BYTES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,30 +114,6 @@ class Received:
     def rate_hz(self) -> float:
         """Messages per second from the first to the last."""
         return (self.count - 1) / (self.last_s - self.first_s) if self.count > 1 else 0.0
-
-
-def _message(t_ns: int, surroundings: str) -> TrainTruth:
-    return TrainTruth(
-        t_ns=t_ns,
-        lat_deg=35.0,
-        lon_deg=135.0,
-        h_m=50.0,
-        ve_mps=10.0,
-        vn_mps=20.0,
-        vu_mps=0.0,
-        axis_m=1000.0,
-        speed_mps=22.4,
-        surroundings=surroundings,
-    )
-
-
-def _surroundings() -> str:
-    """Text that brings a message to 195 bytes."""
-    return next(
-        text
-        for text in ("." * length for length in range(PAYLOAD_BYTES))
-        if len(encode(_message(time.time_ns(), text))) == PAYLOAD_BYTES
-    )
 
 
 def _paced(flow: Flow) -> Iterator[int]:
@@ -137,23 +148,27 @@ def receive(pipe: Connection, endpoint: str, by: By, flow: Flow) -> None:
     pipe.send(received)
 
 
+def _declare_raw(session: zenoh.Session, flow: Flow) -> ZenohPublisher:
+    """The publisher that a node would use; for `batched` a plain one that waits."""
+    key = flow.topic.at(PLACE, **flow.fields)
+    if flow.kind != "batched":
+        return declare(session, flow.topic, key)
+    encoding = zenoh.Encoding("application/msgpack").with_schema(flow.topic.schema_name)
+    return session.declare_publisher(key, encoding=encoding, congestion_control=zenoh.CongestionControl.BLOCK)
+
+
 def _publish_raw(bus: BusConfig, flow: Flow) -> Published:
     """As fast as Zenoh takes it: what can be encoded before is encoded before."""
     session = zenoh.open(client_config(bus))
     try:
-        publisher = session.declare_publisher(
-            KEY,
-            encoding=zenoh.Encoding("application/msgpack").with_schema(TRAIN_TRUTH.schema_name),
-            congestion_control=zenoh.CongestionControl.DROP if flow.express else zenoh.CongestionControl.BLOCK,
-            express=flow.express,
-        )
-        text = _surroundings()
-        fixed = encode(_message(time.time_ns(), text))
+        publisher = _declare_raw(session, flow)
+        padding = flow.padding()
+        fixed = encode(flow.message(time.time_ns(), padding))
         marks = [encode_attachment(Attachment("bench", "boot", number, time.time_ns())) for number in range(flow.count)]
         time.sleep(SETTLE_S)
         start_s, cpu_s = time.perf_counter(), time.process_time()
         for number in _paced(flow):
-            payload = encode(_message(time.time_ns(), text)) if flow.timed else fixed
+            payload = encode(flow.message(time.time_ns(), padding)) if flow.timed else fixed
             publisher.put(payload, attachment=marks[number])
         took_s, cpu_s = time.perf_counter() - start_s, time.process_time() - cpu_s
         time.sleep(SETTLE_S)
@@ -163,16 +178,16 @@ def _publish_raw(bus: BusConfig, flow: Flow) -> Published:
 
 
 async def _publish_node(bus: BusConfig, flow: Flow) -> Published:
-    service = Service("bench_writer", NoConfig, (), (TRAIN_TRUTH,), _no_run, "publishes for the benchmark")
+    service = Service("bench_writer", NoConfig, (), (flow.topic,), _no_run, "publishes for the benchmark")
     node = await ZenohNode.open(service, PLACE, service.name, LiveClock(), bus)
     try:
-        text = _surroundings()
+        padding = flow.padding()
         # Declares the key; ZenohNode's reader does not count what has no time.
-        await node.publish(TRAIN_TRUTH, _message(0, text), device=DEVICE)
+        await node.publish(flow.topic, flow.message(0, padding), **flow.fields)
         await asyncio.sleep(SETTLE_S)
         start_s, cpu_s = time.perf_counter(), time.process_time()
         for _ in _paced(flow):
-            await node.publish(TRAIN_TRUTH, _message(time.time_ns(), text), device=DEVICE)
+            await node.publish(flow.topic, flow.message(time.time_ns(), padding), **flow.fields)
         took_s, cpu_s = time.perf_counter() - start_s, time.process_time() - cpu_s
         await asyncio.sleep(SETTLE_S)
     finally:
@@ -205,7 +220,7 @@ def _receive_raw(pipe: Connection, bus: BusConfig, flow: Flow) -> Received:
 
     session = zenoh.open(client_config(bus))
     try:
-        session.declare_subscriber(TRAIN_TRUTH.within(PLACE), keep if flow.timed else count)
+        _subscribe_raw(session, flow, keep if flow.timed else count)
         cpu_s = time.process_time()
         pipe.send("ready")
         before = -1
@@ -215,16 +230,29 @@ def _receive_raw(pipe: Connection, bus: BusConfig, flow: Flow) -> Received:
     finally:
         close_session(session)
     for sample, now_ns in kept:
-        sent_ns = decode(TrainTruth, sample.payload.to_bytes()).t_ns
-        if sent_ns:
-            received.latencies_us.append((now_ns - sent_ns) / 1e3)
+        sent_ns = decode(flow.topic.message, sample.payload.to_bytes()).t_ns
+        received.latencies_us.append((now_ns - sent_ns) / 1e3)
     return received
+
+
+def _subscribe_raw(session: zenoh.Session, flow: Flow, callback: Callable[[zenoh.Sample], None]) -> None:
+    expression = flow.topic.within(PLACE)
+    if flow.kind != "kept":
+        session.declare_subscriber(expression, callback)
+        return
+    ext.declare_advanced_subscriber(
+        session,
+        expression,
+        callback,
+        history=ext.HistoryConfig(detect_late_publishers=True),
+        recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+    )
 
 
 async def _receive_node(pipe: Connection, bus: BusConfig, flow: Flow) -> Received:
     """As a service does it: decoded messages in an `async for`."""
     received = Received()
-    service = Service("bench_reader", NoConfig, (TRAIN_TRUTH,), (), _no_run, "reads for the benchmark")
+    service = Service("bench_reader", NoConfig, (flow.topic,), (), _no_run, "reads for the benchmark")
     node = await ZenohNode.open(service, PLACE, service.name, LiveClock(), bus)
 
     async def stop_when_idle() -> None:
@@ -235,7 +263,7 @@ async def _receive_node(pipe: Connection, bus: BusConfig, flow: Flow) -> Receive
         node.stop()
 
     try:
-        messages = node.messages(TRAIN_TRUTH)
+        messages = node.messages(flow.topic)
         cpu_s = time.process_time()
         pipe.send("ready")
         async with asyncio.TaskGroup() as group:
