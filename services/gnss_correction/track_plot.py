@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+from warnings import catch_warnings, filterwarnings
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -24,6 +26,8 @@ MARGIN_M: Final = 60.0
 LONGER_SIDE_IN: Final = 11.0
 SHORTER_SIDE_IN: Final = 5.0
 DOTS_PER_INCH: Final = 150
+FONTS: Final = ("DejaVu Sans", "Noto Sans CJK JP", "IPAexGothic", "Hiragino Sans", "Yu Gothic")
+"""The first comes with matplotlib; the others write Japanese names, where they are installed."""
 _NICE: Final = (1.0, 2.0, 5.0)
 
 
@@ -198,7 +202,11 @@ def save_tracks(
         msg = f"{path}: a plot is .png or .svg"
         raise ValueError(msg)
     part = path.with_name(f".{path.name}.part")
-    with mpl.rc_context({"svg.hashsalt": "kirotei", "font.family": "DejaVu Sans"}):
+    installed = font_manager.fontManager.get_font_names()
+    families = [name for name in FONTS if name in installed]
+    with mpl.rc_context({"svg.hashsalt": "kirotei", "svg.fonttype": "none", "font.family": families}), catch_warnings():
+        # A name that no installed font can write stays right in an SVG, and shows boxes in a PNG.
+        filterwarnings("ignore", message="Glyph .* missing from font")
         figure = draw_tracks(tracks, line, truth, stations)
         FigureCanvasAgg(figure)
         try:
