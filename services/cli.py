@@ -8,7 +8,7 @@ import typer
 
 from services.gnss_correction import command as gnss
 from services.recorder import command as recorder
-from services.runtime import bench_command, bus_command, demo_command
+from services.runtime import bench_command, bus_command, demo_command, warm_up_command
 from services.runtime import command as runtime
 from services.simulator import command as simulator
 
@@ -33,6 +33,7 @@ app.command()(bus_command.topics)
 app.command()(bus_command.schema)
 app.command()(bus_command.decode)
 app.add_typer(runtime.config_app, name="config")
+app.command("warm-up")(warm_up_command.warm_up)
 app.command()(bench_command.bench)
 
 

@@ -17,6 +17,8 @@ from services.runtime.watch_state import DeviceView, MethodView, ServiceView, Wa
 from services.runtime.watch_words import Language, word
 
 CHART_S = 60.0
+MINUTE_COLUMNS = 16
+"""A long reason wraps rather than squeeze the chart further."""
 LEAST_TOP_M = 5.0
 """A chart's full height is never less than this, so that small errors look small."""
 REASON_CHARACTERS = 60
@@ -69,6 +71,7 @@ class _DeviceTable:
                 justify="right" if right else "left",
                 no_wrap=name != "status",
                 ratio=1 if name == "minute" else None,
+                min_width=MINUTE_COLUMNS if name == "minute" else None,
             )
         for row in rows:
             cells = _method_cells(row, self.now_s, self.language)
