@@ -9,7 +9,7 @@ import msgspec
 
 from schemas.codec import MAX_MESSAGE_BYTES, DecodeError, decode, decoder_of
 from schemas.message import Message
-from schemas.topics import Address, TopicTable
+from schemas.topics import Address, Delivery, TopicTable
 from services.runtime.attachment import UNMARKED, Attachment, decode_attachment
 from services.runtime.health import HealthBoard, Input
 from services.runtime.node import Arrival, Sample
@@ -102,7 +102,9 @@ class Opener:
             return True
         missing = tracker.missing
         mark = tracker.take(sent.boot_id, sent.sequence)
-        return mark is Mark.NEXT or self._watch.judge(mark, key, sent, tracker.missing - missing, now_s)
+        if mark is Mark.NEXT or (mark is Mark.GAP and route.address.topic.delivery is Delivery.STATE):
+            return True  # a state that was skipped had been replaced: no loss, though it is counted
+        return self._watch.judge(mark, key, sent, tracker.missing - missing, now_s)
 
     def _find(self, key: str) -> _Route | None:
         address = self._table.find(key)

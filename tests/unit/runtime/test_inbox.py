@@ -10,6 +10,7 @@ import pytest
 
 from schemas import topics
 from schemas.codec import MAX_MESSAGE_BYTES, encode
+from schemas.gnss import Fix
 from schemas.message import Message
 from schemas.position import TrainTruth
 from schemas.topics import TABLE, Place
@@ -75,6 +76,17 @@ def test_a_sample_without_mark_is_a_message_of_nobody() -> None:
     assert (arrival.source, arrival.boot_id, arrival.sequence, arrival.sent_ns) == ("", "", -1, 0)
     assert again.message == arrival.message
     assert health.report(0, 0.0).inputs == ()
+
+
+def test_a_gap_in_a_state_is_counted_but_no_trouble() -> None:
+    key = topics.GNSS_FIX.at(PLACE, device="front")
+    fix = Fix(t_ns=0, gps_week=2400, tow_s=0, method="original", status="none", satellites_used=0, satellites_flagged=0)
+    for name, payload, troubled in ((key, encode(fix), False), (KEY, None, True)):
+        arrivals, health = read(*(sample(number, key=name, payload=payload) for number in (0, 3)))
+        assert [a.sequence for a in arrivals] == [0, 3]
+        assert health.report(0, 0.0).inputs[0].missing == 2
+        assert (health.level(0.0)[0] == "degraded") == troubled
+        assert bool(health.take_notices()) == troubled
 
 
 def test_what_cannot_be_used_is_counted_with_its_reason() -> None:
