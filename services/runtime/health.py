@@ -13,6 +13,8 @@ MAX_INPUTS = 65_536
 """Sources and keys that one reader follows; beyond them nothing is checked, and that is counted."""
 MAX_SHOWN = 256
 """Inputs that a report lists: those with gaps, restarts or repetitions first."""
+MAX_CLOSED = 16
+"""Readers that have ended and are still reported."""
 MAX_NOTICES = 256
 TROUBLE_SHOWN_S = 10.0
 """A gap, a restart or a drop colours the level this long after it happened."""
@@ -51,7 +53,7 @@ class HealthBoard:
     counts: dict[str, int] = field(default_factory=dict)
     overflow_inputs: int = 0
     """Arrivals from more sources and keys than are followed."""
-    _readers: list[dict[tuple[str, str], Input]] = field(default_factory=list)
+    _readers: list[InputWatch] = field(default_factory=list)
     _reasons: dict[str, tuple[Level, str]] = field(default_factory=dict)
     _trouble: dict[str, tuple[float, str]] = field(default_factory=dict)
     _notices: deque[tuple[str, str]] = field(default_factory=lambda: deque(maxlen=MAX_NOTICES))
@@ -79,9 +81,12 @@ class HealthBoard:
 
     def open_reader(self) -> InputWatch:
         """Follow the inputs of one more reader; each reader sees every message once."""
-        inputs: dict[tuple[str, str], Input] = {}
-        self._readers.append(inputs)
-        return InputWatch(self, inputs)
+        closed = [reader for reader in self._readers if reader.closed]
+        for reader in closed[:-MAX_CLOSED]:
+            self._readers.remove(reader)
+        watch = InputWatch(self)
+        self._readers.append(watch)
+        return watch
 
     def note(self, mark: Mark, key: str, sent: Attachment, missing: int, now_s: float) -> None:
         """Make trouble and a notice of a gap, a restart or a false twin."""
@@ -145,7 +150,7 @@ class HealthBoard:
         """Inputs to report; of an input with several readers, the one that saw the most trouble."""
         worst: dict[tuple[str, str], Input] = {}
         for reader in self._readers:
-            for name, entry in reader.items():
+            for name, entry in reader.inputs.items():
                 if name not in worst or entry.troubles > worst[name].troubles:
                     worst[name] = entry
         if len(worst) <= MAX_SHOWN:
@@ -154,18 +159,20 @@ class HealthBoard:
         return dict(ranked[:MAX_SHOWN])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class InputWatch:
     """The inputs of one reader."""
 
     _board: HealthBoard
-    _inputs: dict[tuple[str, str], Input]
+    inputs: dict[tuple[str, str], Input] = field(default_factory=dict)
+    closed: bool = False
+    """Nothing more will come; what was seen is still reported for a while."""
 
     def follow(self, key: str, source: str) -> Input | None:
         """One source on one key; None when that would be more than are followed."""
-        entry = self._inputs.get((key, source))
-        if entry is None and len(self._inputs) < MAX_INPUTS:
-            entry = self._inputs[key, source] = Input()
+        entry = self.inputs.get((key, source))
+        if entry is None and len(self.inputs) < MAX_INPUTS:
+            entry = self.inputs[key, source] = Input()
         return entry
 
     def count_unfollowed(self) -> None:

@@ -154,6 +154,7 @@ class Inbox:
                     await asyncio.sleep(0)
         finally:
             self._closed = True
+            opener.close()
 
     async def messages(self, table: TopicTable) -> AsyncIterator[Message]:
         """The messages of `arrivals` alone."""
@@ -169,6 +170,7 @@ class Inbox:
                     await asyncio.sleep(0)
         finally:
             self._closed = True
+            opener.close()
 
     def _refuse(self, reason: str) -> None:
         self._health.refuse(reason, self._clock.monotonic_s())

@@ -56,6 +56,10 @@ class Opener:
         self._watch = health.open_reader()
         self._routes: dict[str, _Route] = {}
 
+    def close(self) -> None:
+        """Note that nothing more will come."""
+        self._watch.closed = True
+
     def open(self, sample: Sample, now_s: float) -> tuple[Message, Attachment, Address] | None:
         """Message, sender's mark and address; None for what is refused or a repetition, which is counted.
 

@@ -6,6 +6,7 @@ import asyncio
 import secrets
 import threading
 from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any, Self, TypeVar
 
@@ -20,8 +21,8 @@ from services.runtime.health import HealthBoard
 from services.runtime.host_config import BusConfig
 from services.runtime.inbox import DEFAULT_CAPACITY, Inbox
 from services.runtime.node import Sample, Service
-from services.runtime.zenoh_liveliness import AliveWatch, IdentityTakenError, claim, tokens_alive
-from services.runtime.zenoh_publishers import Outlet, Sender, declare
+from services.runtime.zenoh_liveliness import AliveWatch, IdentityTakenError, claim, services_alive
+from services.runtime.zenoh_publishers import NodeClosedError, Outlet, Sender, declare
 from services.runtime.zenoh_session import close_session, open_session
 from services.runtime.zenoh_subscriptions import Subscription
 
@@ -40,10 +41,18 @@ class ZenohNode:
     """One service's access to the bus. Make it with `open`, end it with `close`."""
 
     def __init__(
-        self, session: zenoh.Session, service: Service[Any], place: Place, instance: str, clock: Clock, boot_id: str
+        self,
+        session: zenoh.Session,
+        bus: BusConfig,
+        service: Service[Any],
+        place: Place,
+        instance: str,
+        clock: Clock,
+        boot_id: str,
     ) -> None:
         """Take over an open session. Needs a running loop."""
         self._session = session
+        self._bus = bus
         self._service = service
         self.place = place
         self.instance = instance
@@ -54,6 +63,7 @@ class ZenohNode:
         self._ready = asyncio.Event()
         self._stop = asyncio.Event()
         self._declaring = asyncio.Lock()
+        self._declarer = ThreadPoolExecutor(1, thread_name_prefix=f"{instance}-declare")
         self._outlets: dict[tuple[Topic[Any], tuple[tuple[str, str], ...]], Outlet] = {}
         self._outlets_by_key: dict[str, Outlet] = {}
         self._sender = Sender(instance, self._note_unsent)
@@ -85,7 +95,7 @@ class ZenohNode:
         try:
             own = Token(place, instance, secrets.token_hex(6))
             token = await claim(session, own, clock) if announced else None
-            node = cls(session, service, place, instance, clock, own.boot_id)
+            node = cls(session, bus, service, place, instance, clock, own.boot_id)
         except BaseException:
             await asyncio.shield(asyncio.to_thread(close_session, session))
             raise
@@ -95,7 +105,7 @@ class ZenohNode:
     async def publish(self, topic: Topic[Any], message: Message, **fields: str) -> None:
         """Put a message on its key; see `Node.publish`.
 
-        The first publication on a key declares it, in a thread. Raises ZError once closed.
+        The first publication on a key declares it, in a thread. Raises NodeClosedError after `close`.
         """
         outlet = self._outlets.get((topic, tuple(fields.items())))
         if outlet is None:
@@ -110,7 +120,8 @@ class ZenohNode:
     async def publish_encoded(self, key: str, payload: bytes) -> None:
         """Put an encoded message on a concrete key, whatever its place; for replays.
 
-        Raises UndeclaredTopicError, TopicError when no topic has the key, and ZError once closed.
+        Raises UndeclaredTopicError, TopicError when no topic has the key, and NodeClosedError
+        after `close`.
         """
         outlet = self._outlets_by_key.get(key)
         if outlet is None:
@@ -130,10 +141,16 @@ class ZenohNode:
             outlet.put(payload, outlet.mark())
 
     async def _declare(self, topic: Topic[Any], key: str) -> Outlet:
+        if self._closed:
+            msg = f"nothing more goes out on {key}: the node of {self.source} is closed"
+            raise NodeClosedError(msg)
         async with self._declaring:
             outlet = self._outlets_by_key.get(key)
             if outlet is None:
-                publisher = await asyncio.to_thread(declare, self._session, topic, key)
+                # A thread of its own: those of `in_thread` may all be busy with the service's work.
+                publisher = await asyncio.get_running_loop().run_in_executor(
+                    self._declarer, declare, self._session, topic, key
+                )
                 outlet = Outlet(publisher, topic, key, self.source, self.boot_id, self.clock)
                 self._outlets_by_key[key] = outlet
         return outlet
@@ -163,6 +180,9 @@ class ZenohNode:
         return inbox.samples()
 
     def _open_inbox(self, capacity: int) -> Inbox:
+        # Readers come and go in a service that serves people; what has ended is let go of here.
+        self._inboxes = [inbox for inbox in self._inboxes if not inbox.closed]
+        self._subscriptions = [subscription for subscription in self._subscriptions if not subscription.ended]
         inbox = Inbox(self.clock, self.health, capacity)
         self._inboxes.append(inbox)
         if self._stop.is_set():
@@ -184,8 +204,7 @@ class ZenohNode:
 
     async def services_alive(self, line: str = "*") -> set[str]:
         """Services that live now, as `source` stands in attachments. Takes a round trip, at most two seconds."""
-        tokens = await asyncio.to_thread(tokens_alive, self._session, tokens_anywhere(line))
-        return {token.service for token in tokens}
+        return {token.service for token in await services_alive(self._bus, line)}
 
     def watch_alive(self, line: str = "*") -> AsyncIterator[AliveChange]:
         """Services as they appear and are lost (after five seconds without token), until stopped."""
@@ -242,6 +261,10 @@ class ZenohNode:
             return 0
         self._closed = True
         self.stop()
+        self._outlets.clear()
+        self._outlets_by_key.clear()
+        self._sender.refuse_more()
+        self._declarer.shutdown(wait=False, cancel_futures=True)
         unsent = 0
         done = asyncio.Event()
         loop = asyncio.get_running_loop()

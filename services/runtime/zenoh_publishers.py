@@ -25,6 +25,10 @@ QUEUE_CAPACITY = 1000
 """EVENT and KEPT publications of one service that may wait for the link."""
 
 
+class NodeClosedError(RuntimeError):
+    """A service publishes after its node was closed."""
+
+
 class ZenohPublisher(Protocol):
     """What plain and advanced publishers have in common."""
 
@@ -108,18 +112,30 @@ class Sender:
         self._on_failure = on_failure
         self._room_wanted = False
         self._room = asyncio.Event()
+        self._finishing = False
         self._abandoned = False
         self._thread = threading.Thread(target=self._run, name=f"{name}-sender", daemon=True)
         self._thread.start()
 
     async def send(self, outlet: Outlet, payload: bytes) -> None:
-        """Queue one publication; waits while the queue is full. Publications of one key keep their order."""
-        while self._queue.qsize() >= self._capacity:
+        """Queue one publication; waits while the queue is full. Publications of one key keep their order.
+
+        Raises NodeClosedError once the node is being closed.
+        """
+        while self._queue.qsize() >= self._capacity and not self._finishing:
             self._room.clear()
             self._room_wanted = True
             if self._queue.qsize() >= self._capacity:  # again, for the thread may have missed the wish
                 await self._room.wait()
+        if self._finishing:
+            msg = f"nothing more goes out on {outlet.key}: the node is closed"
+            raise NodeClosedError(msg)
         self._queue.put((outlet, payload, outlet.mark()))
+
+    def refuse_more(self) -> None:
+        """Let everyone who waits in `send`, or will, have NodeClosedError. On the loop, before `finish`."""
+        self._finishing = True
+        self._room.set()
 
     def finish(self, timeout_s: float) -> int:
         """Send what is queued; number of publications given up when that takes longer. Blocks: not on the loop."""

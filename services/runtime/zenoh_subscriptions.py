@@ -75,6 +75,11 @@ class Subscription:
         self._thread = threading.Thread(target=self._pump, name=f"inbox {expression}", daemon=True)
         self._thread.start()
 
+    @property
+    def ended(self) -> bool:
+        """True once the subscription is gone."""
+        return self._ended
+
     def close(self, timeout_s: float) -> None:
         """End the subscription and its thread. Blocks: not on the loop."""
         self._end()

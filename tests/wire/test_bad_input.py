@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
 
 import msgspec
 import pytest
+import zenoh
 
 from schemas import topics
 from schemas.codec import encode
@@ -26,7 +28,7 @@ async def test_garbage_newer_and_huge_messages(stage: Stage) -> None:
     foreigner = stage.foreigner()
     newer = msgspec.msgpack.encode(msgspec.structs.asdict(truth(5)) | {"from_the_future": [1, 2]})
     for payload in (b"\xc1garbage", b"", b"\x00" * 10_000_000, newer):
-        foreigner.put(KEY, payload)
+        foreigner.put(KEY, payload, congestion_control=zenoh.CongestionControl.BLOCK)
     foreigner.delete(KEY)
     foreigner.put(KEY, encode(truth(6)))
     # A plain `zenoh put` has no mark: nothing is known of its sender, but it is a message.
@@ -41,7 +43,7 @@ async def test_ten_megabytes_are_named(stage: Stage) -> None:
     reader = await stage.node("recorder")
     samples = reader.samples(topics.EVERYTHING)
     foreigner = stage.foreigner()
-    foreigner.put(KEY, b"\x00" * 10_000_000)
+    foreigner.put(KEY, b"\x00" * 10_000_000, congestion_control=zenoh.CongestionControl.BLOCK)
     foreigner.put(KEY, b"small")
     assert [sample.payload for sample in await take(samples, 1)] == [b"small"]
     await until(lambda: reader.health.refused == 1)
@@ -110,6 +112,22 @@ async def test_a_reader_that_does_not_read_loses_its_own_oldest_and_stalls_nobod
         last = (await take(idle, 1))[0].message.t_ns
     await until(lambda: node.health.dropped > 0)
     assert "full inbox" in " ".join(node.health.level(node.clock.monotonic_s())[1])
+
+
+async def test_readers_that_come_and_go_leave_nothing_behind(stage: Stage) -> None:
+    writer = await stage.node("writer", writes=(KEPT,))
+    node = await stage.node("reader", reads=(KEPT,))
+    await writer.publish(KEPT, event(0), service="writer")
+    threads = threading.active_count()
+    for _ in range(50):
+        arrivals = node.arrivals(KEPT)
+        await take(arrivals, 1)
+        await arrivals.aclose()  # type: ignore[attr-defined]  # an async generator, promised as an iterator only
+        await writer.publish(KEPT, event(0), service="writer")
+    # A reader's thread ends with the first sample after its reader has gone.
+    await until(lambda: threading.active_count() <= threads + 1)
+    assert len(node._subscriptions) < 10
+    assert len(node.health._readers) < 20
 
 
 class SteppingClock(LiveClock):

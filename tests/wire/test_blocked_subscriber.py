@@ -11,7 +11,7 @@ import zenoh
 
 from schemas import topics
 from services.runtime.zenoh_node import ZenohNode
-from services.runtime.zenoh_publishers import QUEUE_CAPACITY
+from services.runtime.zenoh_publishers import QUEUE_CAPACITY, NodeClosedError
 from tests.wire.stage import KEPT, STREAM, Stage, event, truth, until, within
 
 pytestmark = pytest.mark.usefixtures("router")
@@ -93,7 +93,6 @@ async def test_closing_on_a_stuck_link_gives_up_and_counts(stage: Stage, gate: t
     publishing = asyncio.create_task(flood(writer))
     await until(lambda: writer.health.published > QUEUE_CAPACITY + 10)
     await within(ticks(100))
-    publishing.cancel()
     loop = asyncio.get_running_loop()
     started_s = loop.time()
     given_up = await unsent(writer)
@@ -101,6 +100,8 @@ async def test_closing_on_a_stuck_link_gives_up_and_counts(stage: Stage, gate: t
     assert loop.time() - started_s < 1.8
     assert given_up > 0
     assert writer.health.counts["unsent"] == given_up
+    with pytest.raises(NodeClosedError):  # whoever waited for room is told
+        await within(publishing)
     gate.set()
 
 

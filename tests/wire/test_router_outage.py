@@ -15,6 +15,7 @@ from services.runtime.router import RouterError, open_router
 from services.runtime.zenoh_config import BusConfigError
 from services.runtime.zenoh_liveliness import services_alive
 from services.runtime.zenoh_node import ZenohNode
+from services.runtime.zenoh_publishers import NodeClosedError
 from tests.wire.stage import (
     KEPT,
     STATE,
@@ -180,14 +181,18 @@ def test_closing_leaves_no_thread(endpoint: str) -> None:
     async def live() -> None:
         node = await within(
             ZenohNode.open(
-                service("both", (KEPT,), (KEPT,)), TRAIN, "both", LiveClock(), BusConfig(connect=(endpoint,))
+                service("both", (KEPT,), (KEPT, STREAM)), TRAIN, "both", LiveClock(), BusConfig(connect=(endpoint,))
             )
         )
         events = node.arrivals(KEPT)
         await node.publish(KEPT, event(0), service="both")
+        await node.publish(STREAM, truth(0), device="front")
         await take(events, 1)
         await node.close()
         await node.close()
+        for topic, message, fields in ((KEPT, event(1), {"service": "both"}), (STREAM, truth(1), {"device": "front"})):
+            with pytest.raises(NodeClosedError):
+                await node.publish(topic, message, **fields)
 
     with open_router(RouterConfig(listen=(endpoint,))):
         for _ in range(3):
