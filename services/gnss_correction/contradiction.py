@@ -43,7 +43,7 @@ def take_residuals(rows: Records, work: Workspace) -> float:
 def _disagreement_m(rows: Records, tow_s: float, rules: Any, place: Float64s, work: Workspace) -> float:  # noqa: ANN401 - numba record
     """Largest residual of a solution from the Earth's centre; inf where there is none."""
     place[0], place[1], place[2] = 0.0, 0.0, 0.0
-    outcome, _, _ = locate(rows, tow_s, rules, place, False, work)  # noqa: FBT003 - kernels take no keywords
+    outcome, _, _ = locate(rows, tow_s, rules, place, work)
     return take_residuals(rows, work) if outcome == _FIX else np.inf
 
 
@@ -94,7 +94,7 @@ def exclude_contradictions(
             break
         rows[best].rejection = _CONTRADICTS
         place[0], place[1], place[2] = 0.0, 0.0, 0.0
-        outcome, count, size = locate(rows, tow_s, rules, place, False, work)  # noqa: FBT003 - kernels take no keywords
+        outcome, count, size = locate(rows, tow_s, rules, place, work)
         take_residuals(rows, work)
         if smallest_m <= CONTRADICTION_M:
             return outcome, count, size

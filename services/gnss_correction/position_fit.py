@@ -23,6 +23,8 @@ CONVERGED_M: Final = 1e-4
 MOST_ROUNDS: Final = 20
 NEAR_M: Final = 10_000.0
 """After a step below this the place is good enough for directions, delays and weights."""
+DEEP_M: Final = 6.0e6
+"""No place is nearer to the Earth's centre."""
 REWEIGHTINGS: Final = 4
 """Rounds after which mask and weights stay as they are, so that nothing flickers at the mask."""
 
@@ -148,14 +150,17 @@ def locate(
     tow_s: float,
     rules: Any,  # noqa: ANN401 - numba record
     place: Float64s,
-    started_near: bool,  # noqa: FBT001 - kernels take no keywords
     work: Workspace,
 ) -> tuple[int, int, int]:
-    """Improve `place` (3,) until it stands still; gives the outcome, the usable rows and the unknowns."""
+    """Improve `place` (3,) until it stands still; gives the outcome, the usable rows and the unknowns.
+
+    A start far below the ground, as at the Earth's centre, is taken for not knowing where.
+    """
     for row in rows:
         if row.rejection in (_LOW, _WEAK, _ALONE):
             row.rejection = _USABLE
-    near, refined, count, size = started_near, 0, 0, 0
+    near = place[0] * place[0] + place[1] * place[1] + place[2] * place[2] > DEEP_M * DEEP_M
+    refined, count, size = 0, 0, 0
     for _ in range(MOST_ROUNDS):
         _model(rows, tow_s, rules, place, near, refined < REWEIGHTINGS, work.held)
         count, size = _assign_clocks(rows, work.column)

@@ -151,8 +151,8 @@ def _carrier_hz(row: Any, ephemerides: Records) -> float:  # noqa: ANN401 - numb
 @kernel
 def _place_satellite(row: Any, t_s: float, ephemerides: Records, position: Float64s, velocity: Float64s) -> None:  # noqa: ANN401 - numba record
     """State of a row's satellite when its signal left; `position`, `velocity` (3,) are scratch."""
-    position[:] = np.nan
-    velocity[:] = np.nan
+    for p in range(3):
+        position[p], velocity[p] = np.nan, np.nan
     row.clock_m, row.drift_mps = np.nan, np.nan
     if row.rejection == _USABLE:
         bias_s, drift = state_when_sent(ephemerides[row.ephemeris], t_s, row.pseudorange_m, position, velocity)

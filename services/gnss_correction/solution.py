@@ -44,7 +44,7 @@ def _place_epoch(
             continue
         for p in range(3):
             place[p] = known[p] if warm else 0.0
-        outcome, count, size = locate(rows, tow_s, rules, place, warm, work)
+        outcome, count, size = locate(rows, tow_s, rules, place, work)
         if outcome == _FIX:
             break
     if outcome != _FEW and not take_residuals(rows, work) <= CONTRADICTION_M:
@@ -76,7 +76,7 @@ def _hold_height(
     weak_pdop = solution.pdop
     work.held[0], work.held[1] = 1.0 / (HELD_HEIGHT_SIGMA_M * HELD_HEIGHT_SIGMA_M), known[5]
     place[0], place[1], place[2] = known[0], known[1], known[2]
-    outcome, _, size = locate(rows, tow_s, rules, place, True, work)  # noqa: FBT003 - kernels take no keywords
+    outcome, _, size = locate(rows, tow_s, rules, place, work)
     if outcome == _FIX:
         take_residuals(rows, work)
         judge(rows, solution, size, place, work)

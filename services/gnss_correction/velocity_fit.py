@@ -50,8 +50,9 @@ def fit_velocity(rows: Records, solution: Any, place: Float64s, work: Workspace)
             right[p] -= weight * line[p] * difference_mps
         normal[3, 3] += weight
         right[3] += weight * difference_mps
-    if count >= _UNKNOWNS and factorise(normal, _UNKNOWNS):
-        solve_factorised(normal, _UNKNOWNS, right)
+    size = min(_UNKNOWNS, right.size)  # a bare constant would have the solver compiled once more
+    if count >= size and factorise(normal, size):
+        solve_factorised(normal, size, right)
         sin_lat, cos_lat = np.sin(solution.lat_rad), np.cos(solution.lat_rad)
         sin_lon, cos_lon = np.sin(solution.lon_rad), np.cos(solution.lon_rad)
         outwards_mps = cos_lon * right[0] + sin_lon * right[1]
