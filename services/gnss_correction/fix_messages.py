@@ -57,6 +57,8 @@ class Corrected:
     """One per row; None where there was nothing to judge."""
     flagged: Sequence[int]
     """Flagged satellites of each epoch."""
+    evidence: Records
+    """Dtype EVIDENCE: what speaks for multipath in each row."""
     solutions: dict[Method, Solution]
 
 

@@ -53,17 +53,6 @@ class Judgement(NamedTuple):
     adjusting_s: float = 0.0
     """How long it has been substituted by now."""
 
-    @property
-    def probability(self) -> float | None:
-        """Multipath score r²/(1 + r²) of r = Pc over threshold: 0.5 at the threshold, rising with Pc.
-
-        It orders satellites and is no calibrated probability; None before the window is full.
-        """
-        if self.change_m is None or self.threshold_m is None:
-            return None
-        square = (self.change_m / self.threshold_m) ** 2
-        return 1.0 if math.isinf(square) else square / (1.0 + square)
-
 
 class _Track:
     """One satellite's past on one signal."""

@@ -47,8 +47,8 @@ removed; `…_hold…` their decaying peaks; `slip_hold` the decaying memory of 
 
 ZENITH_DBHZ: Final = 48.0
 """C/N0 of a clear satellite overhead before the receiver's own is known: an outdoor antenna, IS-GPS-200 power."""
-PROFILE_DB: Final = 12.0
-"""Fall of C/N0 from zenith to horizon: antenna gain of a patch; linear in the sine of the elevation."""
+PROFILE_DB: Final = 8.0
+"""Fall of C/N0 from zenith to horizon: gain of a patch antenna; linear in the sine of the elevation."""
 PROFILE_ROOM_DB: Final = 8.0
 """How far a receiver's own level may lie from ZENITH_DBHZ; beyond that everything is reflected or jammed."""
 CLEAR_SHARE: Final = 0.9
@@ -104,7 +104,12 @@ def _held(hold: float, value: float, most: float, keep: float) -> float:
 
 @kernel
 def _take_changes(
-    rows: Records, t_s: float, solution: Any, carrier_m: Float64s, known: Float64s, out: Records  # noqa: ANN401 - numba record
+    rows: Records,
+    t_s: float,
+    solution: Any,  # noqa: ANN401 - numba record
+    carrier_m: Float64s,
+    known: Float64s,
+    out: Records,
 ) -> None:
     """Changes since the epoch before and rate residuals of an epoch, common modes removed."""
     common = np.empty((3, rows.size))
@@ -151,7 +156,13 @@ def _take_strength(row: Any, past: Float64s, age_s: float, level: Float64s, foun
 
 @kernel
 def _remember(
-    row: Any, t_s: float, carrier_m: float, lock_lost: float, known: Float64s, level: Float64s, found: Any  # noqa: ANN401 - numba records
+    row: Any,  # noqa: ANN401 - numba record
+    t_s: float,
+    carrier_m: float,
+    lock_lost: float,
+    known: Float64s,
+    level: Float64s,
+    found: Any,  # noqa: ANN401 - numba records
 ) -> None:
     """Fold an epoch's figures of one satellite into its holds."""
     past = known[row.satellite]
@@ -160,9 +171,7 @@ def _remember(
         age_s = np.inf
         past[_CHANGE], past[_DIVERGENCE], past[_DOPPLER], past[_SLIP], past[_MEAN] = 0.0, 0.0, 0.0, 0.0, np.nan
     keep = np.exp(-age_s / HOLD_S)
-    slipped = np.isfinite(carrier_m) and (
-        int(lock_lost) % 2 == 1 or abs(found.change_m - found.divergence_m) > SLIP_M
-    )
+    slipped = np.isfinite(carrier_m) and (int(lock_lost) % 2 == 1 or abs(found.change_m - found.divergence_m) > SLIP_M)
     past[_CHANGE] = _held(past[_CHANGE], found.change_m, MOST_CHANGE_M, keep)
     past[_DIVERGENCE] = _held(past[_DIVERGENCE], np.nan if slipped else found.divergence_m, MOST_CHANGE_M, keep)
     past[_DOPPLER] = _held(past[_DOPPLER], found.rate_residual_mps, MOST_RATE_MPS, keep)
@@ -230,7 +239,7 @@ class EvidenceGatherer:
         `reference_residual_m` and `reference` (dtype SOLUTION): residuals of the rows and solutions
         of the epochs by the best causal method at hand; NaN where it has none.
         """
-        out = np.full(len(rows), np.nan, np.float64).repeat(len(EVIDENCE)).view(EVIDENCE)
+        out = np.full((len(rows), len(EVIDENCE.names or ())), np.nan).view(EVIDENCE)[:, 0]
         carrier_m = np.asarray(LIGHT_MPS / rows["carrier_hz"] * carrier_phase_cycles, np.float64)
         _gather(
             first_row,

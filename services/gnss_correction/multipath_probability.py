@@ -26,19 +26,19 @@ class Term(NamedTuple):
     """How its figure is told; receives the figure."""
 
 
-BASE: Final = -2.6
-"""Log odds without any evidence: 7 %, a receiver between open line and town."""
+BASE: Final = -3.0
+"""Log odds without any evidence: 5 %, a receiver between open line and town."""
 RESIDUAL_M: Final = 2.0
 """Scale of residuals: what code noise and atmosphere leave of a clean pseudorange."""
 TERMS: Final = (
-    Term("residual_m", 0.52, "{:+.1f} m off the other satellites"),
-    Term("residual_mean_m", 0.13, "{:+.1f} m off them over the last second"),
-    Term("deficit_db", 1.1, "C/N0 {:.0f} dB below its elevation's profile"),
+    Term("residual_m", 0.5, "{:+.1f} m off the other satellites"),
+    Term("residual_mean_m", 0.15, "{:+.1f} m off them over the last second"),
+    Term("deficit_db", 1.2, "C/N0 {:.0f} dB below its elevation's profile"),
     Term("drop_db", 0.1, "C/N0 {:.0f} dB below its recent best"),
-    Term("change_hold_m", 0.3, "range changed by {:.1f} m against Doppler"),
-    Term("divergence_hold_m", 0.1, "range changed by {:.1f} m against the carrier"),
-    Term("rate_hold_mps", 0.15, "Doppler {:.1f} m/s off the velocity"),
-    Term("slip_hold", 0.1, "cycle slip"),
+    Term("change_hold_m", 0.3, "range changed by {:.1f} m against Doppler (peak, 10 m at most)"),
+    Term("divergence_hold_m", 0.1, "range changed by {:.1f} m against the carrier (peak, 10 m at most)"),
+    Term("rate_hold_mps", 0.1, "Doppler {:.1f} m/s off the velocity"),
+    Term("slip_hold", 0.5, "cycle slip"),
 )
 """Natural log odds per unit of feature (see `features`)."""
 PER_DB: Final = 0.1
@@ -48,7 +48,7 @@ LIKELY: Final = 0.5
 TOLD: Final = 2
 """Pieces of evidence named in a reason."""
 NAMED: Final = 0.5
-"""Log odds that a piece of evidence must add to be named."""
+"""Log odds that a piece of evidence beside the strongest must add to be named."""
 
 
 def features(evidence: Records) -> Float64s:
@@ -67,12 +67,12 @@ def features(evidence: Records) -> Float64s:
         np.log1p(PER_MPS * evidence["rate_hold_mps"]),
         evidence["slip_hold"],
     ]
-    return np.nan_to_num(np.stack(columns, axis=-1), nan=0.0, posinf=100.0)
+    return np.asarray(np.nan_to_num(np.stack(columns, axis=-1), nan=0.0, posinf=100.0), np.float64)
 
 
 def contributions(evidence: Records) -> Float64s:
     """Log odds that each term adds, shape (rows, terms)."""
-    return features(evidence) * np.array([term.weight for term in TERMS])
+    return np.asarray(features(evidence) * np.array([term.weight for term in TERMS]), np.float64)
 
 
 def probability(added: Float64s) -> Float64s:
@@ -81,7 +81,7 @@ def probability(added: Float64s) -> Float64s:
 
 
 def evidence_in_words(evidence: np.void, added: Float64s) -> str:
-    """Main pieces of one row's evidence with their figures, strongest first; empty when none counts.
+    """Main pieces of one row's evidence with their figures, strongest first.
 
     >>> from services.gnss_correction.multipath_evidence import EVIDENCE
     >>> row = np.zeros(1, EVIDENCE)
@@ -89,5 +89,6 @@ def evidence_in_words(evidence: np.void, added: Float64s) -> str:
     >>> evidence_in_words(row[0], contributions(row)[0])
     '+40.0 m off the other satellites'
     """
-    order = np.argsort(-added, kind="stable")[:TOLD].tolist()
-    return ", ".join(TERMS[i].words.format(float(evidence[TERMS[i].name])) for i in order if added[i] >= NAMED)
+    first, *others = np.argsort(-added, kind="stable")[:TOLD].tolist()
+    told = [first, *(i for i in others if added[i] >= NAMED)]
+    return ", ".join(TERMS[i].words.format(float(evidence[TERMS[i].name])) for i in told)

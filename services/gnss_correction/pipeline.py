@@ -17,6 +17,7 @@ from services.gnss_correction.ephemeris_store import EphemerisStore
 from services.gnss_correction.epoch_order import EpochOrder
 from services.gnss_correction.fix_messages import Corrected, Solution
 from services.gnss_correction.multipath import Judgement, MultipathDetector, Sight
+from services.gnss_correction.multipath_evidence import EvidenceGatherer
 from services.gnss_correction.preparation import Prepared, SignalStrengths, prepare
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.settings import Config
@@ -61,6 +62,7 @@ class Correction:
         self.methods: tuple[Method, ...] = tuple(dict.fromkeys(methods or (config.method, *config.compare)))
         self.order = EpochOrder()
         self.detector = MultipathDetector(config)
+        self._gatherer = EvidenceGatherer()
         self._store = EphemerisStore()
         self._solvers: dict[Method, Solver] = {method: Solver() for method in ("original", *self.methods)}
         self._rules = np.zeros(1, RULES)
@@ -110,7 +112,22 @@ class Correction:
             prepared=prepared,
             judgements=judgements,
             flagged=flagged,
+            evidence=self._gather(observations, prepared, solutions),
             solutions=solutions,
+        )
+
+    def _gather(self, observations: Observations, prepared: Prepared, solutions: dict[Method, Solution]) -> Records:
+        """Evidence of multipath in every row, against the place found from all satellites."""
+        reference = solutions["original"]
+        source = prepared.rows["source"]
+        return self._gatherer.gather(
+            prepared.first_row,
+            prepared.t_s,
+            solutions["original"].rows,
+            reference.rows["residual_m"],
+            reference.epochs,
+            observations.carrier_phase_cycles[source],
+            observations.lock_lost[source],
         )
 
     def _solve(self, method: Method, prepared: Prepared, rows: Records) -> Solution:

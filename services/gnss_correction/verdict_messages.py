@@ -11,12 +11,23 @@ from schemas.gnss import SatelliteVerdict, Verdicts
 from services.gnss_correction.ephemeris_table import selection_reason
 from services.gnss_correction.fix_messages import Corrected, numbers
 from services.gnss_correction.multipath import Judgement
+from services.gnss_correction.multipath_probability import LIKELY, contributions, evidence_in_words, probability
 from services.gnss_correction.rejection import REJECTION_WORDS, Rejection
 from services.gnss_correction.settings import Config
+from services.gnss_correction.solver_arrays import Float64s
 from services.gnss_receiver.observations import satellite_name
 
 _USABLE, _MULTIPATH = int(Rejection.USABLE), int(Rejection.MULTIPATH)
+_CLEAN = "clean"
 _name = lru_cache(maxsize=1024)(satellite_name)
+
+
+class _Belief(NamedTuple):
+    """What the evidence of a block makes of its rows."""
+
+    added: Float64s
+    """Log odds by row and piece of evidence."""
+    probability: list[float]
 
 
 class _Seen(NamedTuple):
@@ -57,7 +68,7 @@ def _judged(judgement: Judgement | None, config: Config, adjusted_by_m: float | 
     if judgement.change_m is None or judgement.threshold_m is None:
         return f"watched for {judgement.watched_epochs} of {config.window_epochs} epochs"
     if not judgement.flagged:
-        return "clean"
+        return _CLEAN
     found = f"change {judgement.change_m:.2f} m per 0.2 s over the threshold of {judgement.threshold_m:.2f} m"
     if adjusted_by_m is not None:
         return f"{found}, adjusted by {adjusted_by_m:+.1f} m"
@@ -66,7 +77,9 @@ def _judged(judgement: Judgement | None, config: Config, adjusted_by_m: float | 
     return found + (", left out" if config.method == "remove" else "")
 
 
-def _verdict(corrected: Corrected, seen: _Seen, i: int, t_s: float, measured_m: float | None) -> SatelliteVerdict:
+def _verdict(
+    corrected: Corrected, seen: _Seen, i: int, t_s: float, measured_m: float | None, belief: _Belief
+) -> SatelliteVerdict:
     judgement = corrected.judgements[i]
     flagged = judgement is not None and judgement.flagged
     used = seen.rejection == _USABLE and seen.residual_m is not None
@@ -77,11 +90,14 @@ def _verdict(corrected: Corrected, seen: _Seen, i: int, t_s: float, measured_m: 
     if seen.rejection not in (_USABLE, _MULTIPATH):
         rejected = _rejected_because(corrected, seen, i, t_s)
         reason = f"{rejected}; {reason}" if flagged else rejected
+    elif judgement is not None and belief.probability[i] >= LIKELY:
+        likely = f"probably reflected: {evidence_in_words(corrected.evidence[i], belief.added[i])}"
+        reason = likely if reason == _CLEAN else f"{reason}; {likely}"
     return SatelliteVerdict(
         satellite=_name(seen.satellite),
         used=used,
         flagged=flagged,
-        multipath_probability=judgement.probability if judgement else None,
+        multipath_probability=belief.probability[i] if judgement else None,
         reason=reason,
         elevation_rad=seen.elevation_rad,
         azimuth_rad=seen.azimuth_rad,
@@ -106,6 +122,8 @@ def verdicts_of(corrected: Corrected) -> list[Verdicts]:
         )
     ]
     measured_m = numbers(corrected.prepared.rows["pseudorange_m"])
+    added = contributions(corrected.evidence)
+    belief = _Belief(added, probability(added).tolist())
     first = corrected.prepared.first_row.tolist()
     t_s = corrected.prepared.t_s.tolist()
     return [
@@ -114,7 +132,7 @@ def verdicts_of(corrected: Corrected) -> list[Verdicts]:
             gps_week=week,
             tow_s=tow_s,
             satellites=tuple(
-                _verdict(corrected, seen[i], i, t_s[epoch], measured_m[i])
+                _verdict(corrected, seen[i], i, t_s[epoch], measured_m[i], belief)
                 for i in range(first[epoch], first[epoch + 1])
             ),
         )

@@ -101,9 +101,16 @@ def test_verdicts_say_what_was_done() -> None:
         words[method] = verdict_of(correction, epochs[-1], name)
     # The range rate itself changes by some centimetres per second within the mean's second.
     found = "change 60.01 m per 0.2 s over the threshold of 0.45 m"
-    assert words["original"].reason == found
-    assert words["remove"].reason == f"{found}, left out"
-    assert words["adjust"].reason == f"{found}, adjusted by -60.0 m"
+    likely = " m off the other satellites, range changed by 10.0 m against Doppler (peak, 10 m at most)"
+    told = {
+        method: one.reason.removesuffix(likely).partition("; probably reflected: ") for method, one in words.items()
+    }
+    assert {method: parts[0] for method, parts in told.items()} == {
+        "original": found,
+        "remove": f"{found}, left out",
+        "adjust": f"{found}, adjusted by -60.0 m",
+    }
+    assert all(float(parts[2]) > 5.0 for parts in told.values()), "what is left of 60 m after it moved the place"
     assert [words[method].used for method in METHODS] == [True, False, True]
     assert words["adjust"].adjusted_by_m == pytest.approx(-60.0, abs=0.05)
     assert words["adjust"].change_m == pytest.approx(60.0, abs=0.05)
