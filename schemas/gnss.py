@@ -18,6 +18,10 @@ from schemas.message import Message, Part, require_columns
 Satellite = Annotated[str, Meta(pattern="^[GRECJSI][0-9]{2}$")]
 Metres = Annotated[float, Meta(ge=0.0)]
 FixStatus = Literal["fix", "predicted", "none"]
+OwnMode = Literal[
+    "none", "autonomous", "differential", "rtk_float", "rtk_fixed", "precise", "estimated", "manual", "simulated"
+]
+"""How a receiver found its own position (NMEA 0183, GGA quality)."""
 Method = Literal["original", "remove", "adjust"]
 
 
@@ -183,3 +187,72 @@ class Fix(Message, frozen=True, kw_only=True):
     bound_m: Metres | None = None
     """Horizontal error that the method vouches for; None when it vouches for none."""
     hdop: float | None = None
+
+
+class OwnPosition(Message, frozen=True, kw_only=True):
+    """What a receiver itself says about its position (WGS 84); for receivers that measure nothing else, the best."""
+
+    protocol: Literal["nmea", "ubx"]
+    status: FixStatus
+    """`predicted` when the receiver says that it estimates by dead reckoning."""
+    mode: OwnMode
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    h_m: float | None = None
+    """Ellipsoidal height [m]."""
+    ve_mps: float | None = None
+    vn_mps: float | None = None
+    vu_mps: float | None = None
+    satellites_used: int | None = None
+    hdop: float | None = None
+    sigma_horizontal_m: Metres | None = None
+    """One standard deviation of the horizontal position, as the receiver says."""
+    sigma_vertical_m: Metres | None = None
+    correction_age_s: float | None = None
+    """Age of the corrections that it uses."""
+
+
+class SatelliteCorrection(Part, frozen=True, kw_only=True):
+    """What a reference station found to be wrong with one satellite's pseudorange."""
+
+    satellite: Satellite
+    signal: str
+    issue: int
+    """Issue of the ephemeris that it holds for; as in Ephemeris."""
+    toe_week: int
+    toe_s: float
+    """Reference time of that ephemeris."""
+    correction_m: float
+    """To be added to the pseudorange. Holds the atmosphere above the station: apply no model besides."""
+    rate_mps: float
+    """Change of the correction [m/s]."""
+    sigma_m: Metres
+    elevation_rad: float
+    """Above the station's horizon."""
+    smoothed_s: float
+    """Time over which the carrier has smoothed it; 0 for the code alone."""
+
+
+class SatelliteRefusal(Part, frozen=True, kw_only=True):
+    """A satellite without a correction, and why."""
+
+    satellite: Satellite
+    reason: str
+
+
+class Corrections(Message, frozen=True, kw_only=True):
+    """Pseudorange corrections of one reference station at one instant.
+
+    The correction at a time t is `correction_m + rate_mps * (t - t_ns)`. The station's clock is
+    taken out for each constellation by itself.
+    """
+
+    station: str
+    gps_week: int
+    tow_s: float
+    lat_deg: float
+    lon_deg: float
+    h_m: float
+    """Antenna of the station (WGS 84)."""
+    satellites: tuple[SatelliteCorrection, ...]
+    refused: tuple[SatelliteRefusal, ...] = ()
