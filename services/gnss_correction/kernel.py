@@ -15,7 +15,7 @@ def kernel(function: F) -> F:
 
     It releases the interpreter lock, and a division by zero gives inf or NaN as in numpy.
     Hand it arrays of one's own (contiguous, writable): every other kind of array would be
-    compiled once more. The cache of a kernel notices changes of its own file only; clear
-    it (NUMBA_CACHE_DIR) after changing a kernel that another file's kernel calls.
+    compiled once more. The cache of a kernel notices changes of its own file only; the
+    runtime therefore keeps a folder per version of the sources (services/runtime/state_dir.py).
     """
     return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy")(function))

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
+import shutil
 import tempfile
 from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
+SERVICES = Path(__file__).parents[1]
+KEPT_FINGERPRINTS = 3
+_IMPORTED = re.compile(rb"^from (services[\w.]+) import", re.MULTILINE)
 VARIABLE = "KIROTEI_STATE_DIR"
 """Environment variable by which the runtime tells its services where state is kept."""
 
@@ -29,6 +35,33 @@ def state_dir(environment: Mapping[str, str], configured: str | None = None) -> 
     return Path(environment["HOME"] if environment.get("HOME") else "/var/lib") / ".local" / "state" / "kirotei"
 
 
+def kernel_fingerprint() -> str:
+    """Digest of every source file that holds kernels, and of the modules whose constants they take in.
+
+    Numba looks for changes in a kernel's own file alone, not in those of what it calls: after
+    an update a folder shared with older sources could give wrong figures.
+    """
+    sources = {path: path.read_bytes() for path in SERVICES.rglob("*.py")}
+    kernels = {path for path, source in sources.items() if b"@kernel" in source or b"njit" in source}
+    taken_in = {
+        SERVICES.parent.joinpath(*module.decode().split(".")).with_suffix(".py")
+        for path in kernels
+        for module in _IMPORTED.findall(sources[path])
+    }
+    digest = hashlib.sha256()
+    for path in sorted(kernels | (taken_in & sources.keys())):
+        digest.update(sources[path])
+    return digest.hexdigest()[:16]
+
+
+def _forget_old(current: Path) -> None:
+    """Remove kernels of sources that are gone, but for the newest few, which others may still run."""
+    others = [path for path in current.parent.iterdir() if path.is_dir() and path != current]
+    others.sort(key=lambda path: path.stat().st_mtime)
+    for path in others[:-KEPT_FINGERPRINTS]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
 def prepare(state: Path, environment: MutableMapping[str, str]) -> str | None:
     """Make the state folder and let numba keep compiled kernels in it; returns a warning, or None.
 
@@ -39,9 +72,11 @@ def prepare(state: Path, environment: MutableMapping[str, str]) -> str | None:
     environment[VARIABLE] = str(state)
     if environment.get("NUMBA_CACHE_DIR"):
         return None
-    kernels = state / "kernels"
+    kernels = state / "kernels" / kernel_fingerprint()
     try:
-        kernels.mkdir(mode=0o700, parents=True, exist_ok=True)
+        (state / "kernels").mkdir(mode=0o700, parents=True, exist_ok=True)
+        kernels.mkdir(mode=0o700, exist_ok=True)
+        _forget_old(kernels)
     except OSError as error:
         problem = f"cannot make {kernels}: {error.strerror}"
     else:

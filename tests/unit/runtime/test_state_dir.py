@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
-from services.runtime.state_dir import VARIABLE, prepare, state_dir
+from services.runtime.state_dir import VARIABLE, kernel_fingerprint, prepare, state_dir
 
 
 @pytest.mark.parametrize(
@@ -24,11 +25,22 @@ def test_the_nearest_word_counts(environment: dict[str, str], configured: str | 
     assert state_dir(environment, configured) == Path(expected)
 
 
-def test_kernels_are_kept_in_the_state_folder(tmp_path: Path) -> None:
+def test_kernels_are_kept_in_the_state_folder_apart_for_every_version_of_their_sources(tmp_path: Path) -> None:
     environment: dict[str, str] = {}
     assert prepare(tmp_path / "state", environment) is None
-    assert environment == {VARIABLE: f"{tmp_path}/state", "NUMBA_CACHE_DIR": f"{tmp_path}/state/kernels"}
-    assert (tmp_path / "state" / "kernels").is_dir()
+    kernels = tmp_path / "state" / "kernels" / kernel_fingerprint()
+    assert environment == {VARIABLE: f"{tmp_path}/state", "NUMBA_CACHE_DIR": str(kernels)}
+    assert kernels.is_dir()
+
+
+def test_kernels_of_sources_long_gone_are_removed(tmp_path: Path) -> None:
+    for age, name in enumerate(["newest", "new", "old", "older", "oldest"]):
+        folder = tmp_path / "kernels" / name
+        folder.mkdir(parents=True)
+        os.utime(folder, (1e9 - age, 1e9 - age))
+    prepare(tmp_path, {})
+    left = {path.name for path in (tmp_path / "kernels").iterdir()}
+    assert left == {"newest", "new", "old", kernel_fingerprint()}
 
 
 def test_a_folder_of_the_users_own_is_kept(tmp_path: Path) -> None:
