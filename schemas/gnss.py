@@ -153,6 +153,8 @@ class SatelliteVerdict(Part, frozen=True, kw_only=True):
     residual_m: float | None = None
     adjusted_by_m: float | None = None
     """Substituted minus measured pseudorange, where one was substituted."""
+    adjusted_rate_by_mps: float | None = None
+    """Substituted minus measured range rate (by Doppler), where one was substituted; the carrier phase goes with it."""
 
 
 class Verdicts(Message, frozen=True, kw_only=True):

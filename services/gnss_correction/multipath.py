@@ -7,7 +7,9 @@ on taking in every change, so that the end of a stretch is noticed. Real interva
 every D is divided by its own interval first and Pc is scaled to the nominal 0.2 s.
 
 The substituted pseudorange is the previous one (substituted or measured) plus the mean *signed*
-rate times the interval: with the unsigned mean an approaching satellite would run away.
+rate times the interval: with the unsigned mean an approaching satellite would run away. Doppler and
+carrier phase are substituted consistently, which the paper names as missing (section 4.3): the
+Doppler by its own mean over the same window, the carrier by the previous one moved on by it.
 
 A drift of the receiver's clock is in every D and in its mean alike and cancels in Pc while it
 is steady; jumps of whole milliseconds are taken out before (clock_jump.py).
@@ -37,6 +39,18 @@ class Sight(NamedTuple):
     """From Doppler; NaN where there is none."""
     elevation_rad: float
     """NaN where it is not known."""
+    carrier_m: float = math.nan
+    """Carrier phase times wavelength; NaN where there is none."""
+
+
+class Substitute(NamedTuple):
+    """What was to be expected of a satellite, in place of what was measured: consistent with one another."""
+
+    pseudorange_m: float
+    range_rate_mps: float
+    """Mean of the latest Dopplers as the pseudorange's is of its changes; without Doppler that one itself."""
+    carrier_m: float
+    """The carrier phase before, substituted or measured, moved on by this range rate; NaN where there is none."""
 
 
 class Judgement(NamedTuple):
@@ -48,10 +62,15 @@ class Judgement(NamedTuple):
     """Pc per nominal interval; None until the window is full."""
     threshold_m: float | None = None
     flagged: bool = False
-    substitute_m: float | None = None
-    """Pseudorange that was to be expected, where one may be substituted."""
+    substitute: Substitute | None = None
+    """Where the satellite's observables may be substituted."""
     adjusting_s: float = 0.0
     """How long it has been substituted by now."""
+
+    @property
+    def substitute_m(self) -> float | None:
+        """Pseudorange that was to be expected, where one may be substituted."""
+        return self.substitute.pseudorange_m if self.substitute else None
 
 
 class _Track:
@@ -59,7 +78,9 @@ class _Track:
 
     __slots__ = (
         "adjusting_from_s",
+        "carrier_m",
         "clock_ms",
+        "dopplers_mps",
         "followed_m",
         "pseudorange_m",
         "range_rate_mps",
@@ -73,9 +94,16 @@ class _Track:
         self.clock_ms = clock_ms
         self.t_s = t_s
         self.pseudorange_m = self.followed_m = sight.pseudorange_m
+        self.carrier_m = sight.carrier_m
         self.range_rate_mps = sight.range_rate_mps
         self.rates_mps: deque[float] = deque(maxlen=window)
+        self.dopplers_mps: deque[float] = deque([sight.range_rate_mps], maxlen=window)
         self.adjusting_from_s: float | None = None
+
+    def mean_doppler_mps(self, otherwise_mps: float) -> float:
+        """Mean range rate by Doppler over the window, where there is one."""
+        given = [rate for rate in self.dopplers_mps if math.isfinite(rate)]
+        return sum(given) / len(given) if given else otherwise_mps
 
     def predicted_change_m(self, sight: Sight, interval_s: float) -> float:
         """Change to be expected by Doppler, else by the latest rate, else none."""
@@ -150,7 +178,10 @@ class MultipathDetector:
             judgement = self._compare(track, t_s, sight.elevation_rad, jump_m, interval_s, rate_mps, window)
         if not judgement.flagged:
             track.adjusting_from_s = None
-        track.followed_m = judgement.substitute_m if judgement.substitute_m is not None else sight.pseudorange_m
+        track.followed_m, track.carrier_m = sight.pseudorange_m, sight.carrier_m
+        if judgement.substitute is not None:
+            track.followed_m, _, track.carrier_m = judgement.substitute
+        track.dopplers_mps.append(sight.range_rate_mps)
         track.t_s, track.clock_ms = t_s, self._clock_ms
         track.pseudorange_m, track.range_rate_mps = sight.pseudorange_m, sight.range_rate_mps
         return judgement
@@ -176,7 +207,13 @@ class MultipathDetector:
         if track.adjusting_from_s is None:
             track.adjusting_from_s = track.t_s
         adjusting_s = t_s - track.adjusting_from_s
-        substitute_m = None
+        substitute = None
         if adjusting_s <= config.longest_adjusting_s:
-            substitute_m = track.followed_m + jump_m + sum(window) / len(window) * interval_s
-        return Judgement(len(window), change_m, threshold_m, True, substitute_m, adjusting_s)  # noqa: FBT003 - in the order of the fields
+            mean_signed_mps = sum(window) / len(window)
+            doppler_mps = track.mean_doppler_mps(mean_signed_mps)
+            substitute = Substitute(
+                track.followed_m + jump_m + mean_signed_mps * interval_s,
+                doppler_mps,
+                track.carrier_m + jump_m + doppler_mps * interval_s,
+            )
+        return Judgement(len(window), change_m, threshold_m, True, substitute, adjusting_s)  # noqa: FBT003 - in the order of the fields

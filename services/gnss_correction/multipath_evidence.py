@@ -107,7 +107,6 @@ def _take_changes(
     rows: Records,
     t_s: float,
     solution: Any,  # noqa: ANN401 - numba record
-    carrier_m: Float64s,
     known: Float64s,
     out: Records,
 ) -> None:
@@ -120,7 +119,7 @@ def _take_changes(
         if 0.0 < age_s <= LONGEST_GAP_S and past[_SIGNAL] == row.signal:
             moved_m = row.pseudorange_m - past[_CODE]
             out[i].change_m = moved_m - 0.5 * (row.range_rate_mps + past[_RATE]) * age_s
-            out[i].divergence_m = moved_m - (carrier_m[i] - past[_CARRIER])
+            out[i].divergence_m = moved_m - (row.carrier_m - past[_CARRIER])
         out[i].rate_residual_mps = _rate_residual(row, solution)
         values = (out[i].change_m, out[i].divergence_m, out[i].rate_residual_mps)
         for kind in range(3):
@@ -158,8 +157,6 @@ def _take_strength(row: Any, past: Float64s, age_s: float, level: Float64s, foun
 def _remember(
     row: Any,  # noqa: ANN401 - numba record
     t_s: float,
-    carrier_m: float,
-    lock_lost: float,
     known: Float64s,
     level: Float64s,
     found: Any,  # noqa: ANN401 - numba records
@@ -171,7 +168,9 @@ def _remember(
         age_s = np.inf
         past[_CHANGE], past[_DIVERGENCE], past[_DOPPLER], past[_SLIP], past[_MEAN] = 0.0, 0.0, 0.0, 0.0, np.nan
     keep = np.exp(-age_s / HOLD_S)
-    slipped = np.isfinite(carrier_m) and (int(lock_lost) % 2 == 1 or abs(found.change_m - found.divergence_m) > SLIP_M)
+    slipped = np.isfinite(row.carrier_m) and (
+        int(row.lock_lost) % 2 == 1 or abs(found.change_m - found.divergence_m) > SLIP_M
+    )
     past[_CHANGE] = _held(past[_CHANGE], found.change_m, MOST_CHANGE_M, keep)
     past[_DIVERGENCE] = _held(past[_DIVERGENCE], np.nan if slipped else found.divergence_m, MOST_CHANGE_M, keep)
     past[_DOPPLER] = _held(past[_DOPPLER], found.rate_residual_mps, MOST_RATE_MPS, keep)
@@ -183,7 +182,7 @@ def _remember(
     found.change_hold_m, found.divergence_hold_m = past[_CHANGE], past[_DIVERGENCE]
     found.rate_hold_mps, found.slip_hold, found.residual_mean_m = past[_DOPPLER], past[_SLIP], past[_MEAN]
     past[_T], past[_SIGNAL], past[_CODE] = t_s, row.signal, row.pseudorange_m
-    past[_RATE], past[_CARRIER] = row.range_rate_mps, carrier_m
+    past[_RATE], past[_CARRIER] = row.range_rate_mps, row.carrier_m
 
 
 @kernel
@@ -193,8 +192,6 @@ def _gather(
     rows: Records,
     residual_m: Float64s,
     solutions: Records,
-    carrier_m: Float64s,
-    lock_lost: Float64s,
     known: Float64s,
     level: Float64s,
     out: Records,
@@ -204,11 +201,11 @@ def _gather(
         if last == first or rows[first].rejection == _REFUSED:
             continue
         seen, found = rows[first:last], out[first:last]
-        _take_changes(seen, t_s[epoch], solutions[epoch], carrier_m[first:last], known, found)
+        _take_changes(seen, t_s[epoch], solutions[epoch], known, found)
         for i in range(first, last):
             out[i].residual_m = residual_m[i]
             if rows[i].rejection != _MISSING:
-                _remember(rows[i], t_s[epoch], carrier_m[i], lock_lost[i], known, level, out[i])
+                _remember(rows[i], t_s[epoch], known, level, out[i])
 
 
 class EvidenceGatherer:
@@ -231,8 +228,6 @@ class EvidenceGatherer:
         rows: Records,
         reference_residual_m: Float64s,
         reference: Records,
-        carrier_phase_cycles: Float64s,
-        lock_lost: Ints,
     ) -> Records:
         """Evidence (dtype EVIDENCE) of every row (dtype ROW, with directions), in their order.
 
@@ -240,15 +235,12 @@ class EvidenceGatherer:
         of the epochs by the best causal method at hand; NaN where it has none.
         """
         out = np.full((len(rows), len(EVIDENCE.names or ())), np.nan).view(EVIDENCE)[:, 0]
-        carrier_m = np.asarray(LIGHT_MPS / rows["carrier_hz"] * carrier_phase_cycles, np.float64)
         _gather(
             first_row,
             t_s,
             rows,
             np.array(reference_residual_m, np.float64),
             reference,
-            carrier_m,
-            np.array(lock_lost, np.float64),
             self._known,
             self._level_dbhz,
             out,

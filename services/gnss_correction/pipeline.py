@@ -13,6 +13,7 @@ import numpy as np
 
 from schemas.gnss import Ephemeris, Epoch, Ionosphere, Method
 from schemas.gnss_time import gps_from_unix_ns, unix_ns_from_gps
+from services.gnss_correction.carrier_smoothing import CarrierSmoother
 from services.gnss_correction.ephemeris_store import EphemerisStore
 from services.gnss_correction.epoch_order import EpochOrder
 from services.gnss_correction.fix_messages import Corrected, Solution
@@ -65,6 +66,7 @@ class Correction:
         self._gatherer = EvidenceGatherer()
         self._store = EphemerisStore()
         self._solvers: dict[Method, Solver] = {method: Solver() for method in ("original", *self.methods)}
+        self._smoothers = {m: CarrierSmoother(config.smooth_s) for m in self._solvers if config.smooth_s > 0.0}
         self._rules = np.zeros(1, RULES)
         self._rules["by_cn0"] = config.weights == "cn0"
         self._rules["elevation_mask_rad"] = np.radians(config.elevation_mask_deg)
@@ -112,25 +114,26 @@ class Correction:
             prepared=prepared,
             judgements=judgements,
             flagged=flagged,
-            evidence=self._gather(observations, prepared, solutions),
+            evidence=self._gather(prepared, solutions),
             solutions=solutions,
         )
 
-    def _gather(self, observations: Observations, prepared: Prepared, solutions: dict[Method, Solution]) -> Records:
+    def _gather(self, prepared: Prepared, solutions: dict[Method, Solution]) -> Records:
         """Evidence of multipath in every row, against the place found from all satellites."""
         reference = solutions["original"]
-        source = prepared.rows["source"]
+        seen = solutions["original"].rows.copy()
+        seen["pseudorange_m"] = prepared.rows["pseudorange_m"]
         return self._gatherer.gather(
             prepared.first_row,
             prepared.t_s,
-            solutions["original"].rows,
+            seen,
             reference.rows["residual_m"],
             reference.epochs,
-            observations.carrier_phase_cycles[source],
-            observations.lock_lost[source],
         )
 
     def _solve(self, method: Method, prepared: Prepared, rows: Records) -> Solution:
+        if method in self._smoothers:
+            self._smoothers[method].smooth(prepared.first_row, prepared.t_s, rows)
         epochs = self._solvers[method].solve(prepared.first_row, prepared.t_s, rows, self._rules[0])
         return Solution(epochs, rows)
 
@@ -143,9 +146,10 @@ class Correction:
             zip(
                 prepared.rows["satellite"].tolist(),
                 prepared.rows["signal"].tolist(),
-                seen["pseudorange_m"].tolist(),
-                seen["range_rate_mps"].tolist(),
+                prepared.rows["pseudorange_m"].tolist(),
+                prepared.rows["range_rate_mps"].tolist(),
                 seen["elevation_rad"].tolist(),
+                prepared.rows["carrier_m"].tolist(),
                 strict=True,
             )
         )
@@ -163,14 +167,15 @@ class Correction:
 
 
 def _altered(method: Method, rows: Records, judgements: Sequence[Judgement | None]) -> Records:
-    """Rows as a method wants them: flagged ones rejected, or their pseudoranges substituted."""
+    """Rows as a method wants them: flagged ones rejected, or all their observables substituted."""
     altered = rows.copy()
     pseudorange_m, rejection = altered["pseudorange_m"], altered["rejection"]
+    range_rate_mps, carrier_m = altered["range_rate_mps"], altered["carrier_m"]
     for i, judgement in enumerate(judgements):
         if judgement is None or not judgement.flagged or rejection[i] != _USABLE:
             continue
-        if method == "adjust" and judgement.substitute_m is not None:
-            pseudorange_m[i] = judgement.substitute_m
+        if method == "adjust" and judgement.substitute is not None:
+            pseudorange_m[i], range_rate_mps[i], carrier_m[i] = judgement.substitute
         else:
             rejection[i] = _MULTIPATH
     return altered

@@ -65,6 +65,8 @@ class Columns(NamedTuple):
     pseudorange_m: Float64s
     doppler_hz: Float64s
     cn0_dbhz: Float64s
+    carrier_phase_cycles: Float64s
+    lock_lost: Float64s
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +216,8 @@ def _prepare(
             row.carrier_hz = _carrier_hz(row, ephemerides)
             rate_mps = -LIGHT_MPS / row.carrier_hz * columns.doppler_hz[row.source]
             row.range_rate_mps = rate_mps if abs(rate_mps) < FASTEST_RANGE_RATE_MPS else np.nan
+            row.carrier_m = LIGHT_MPS / row.carrier_hz * columns.carrier_phase_cycles[row.source]
+            row.lock_lost = columns.lock_lost[row.source]
             density = columns.cn0_dbhz[row.source]
             row.cn0_dbhz = density if 0.0 < density < STRONGEST_DBHZ else np.nan
             row.strength_dbhz = row.cn0_dbhz
@@ -239,6 +243,8 @@ def prepare(
         np.array(observations.pseudorange_m, np.float64),
         np.array(observations.doppler_hz, np.float64),
         np.array(observations.cn0_dbhz, np.float64),
+        np.array(observations.carrier_phase_cycles, np.float64),
+        np.array(observations.lock_lost, np.float64),
     )
     t_s = (observations.gps_week - table.gps_week) * float(WEEK_S) + observations.tow_s
     rows = np.zeros(columns.satellite.size, ROW)

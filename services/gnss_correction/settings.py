@@ -32,6 +32,9 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Weaker satellites are left out; 0 keeps all."""
     cn0_averaging_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 1.0
     """Time constant with which C/N0 is averaged for weights and mask; 0 takes each value as it is."""
+    smooth_s: Annotated[float, Meta(ge=0.0, le=3_600.0)] = 0.0
+    """Time constant with which pseudoranges are smoothed by the carrier phase (Hatch 1982); 0 does not smooth. 100 s
+    is usual; in town slips leave little of it."""
     most_pdop: Positive = 30.0
     """With a larger position dilution of precision the height of an earlier fix is held, or there is no fix."""
     longest_height_hold_s: Annotated[float, Meta(ge=0.0)] = 30.0

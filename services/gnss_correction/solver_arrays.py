@@ -32,6 +32,9 @@ _GIVEN: Final = (
     # the same, averaged over the last second or two, for the weights
     "strength_dbhz",
     "carrier_hz",
+    # carrier phase times wavelength; NaN where there is none; RINEX loss-of-lock indicator
+    "carrier_m",
+    "lock_lost",
 )
 _FOUND: Final = ("elevation_rad", "azimuth_rad", "residual_m")
 _WORK: Final = ("line_x", "line_y", "line_z", "modelled_m", "variance_m2")

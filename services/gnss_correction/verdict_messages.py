@@ -30,6 +30,13 @@ class _Belief(NamedTuple):
     probability: list[float]
 
 
+class _Measured(NamedTuple):
+    """What was measured of a satellite, before any substitution."""
+
+    pseudorange_m: float | None
+    range_rate_mps: float | None
+
+
 class _Seen(NamedTuple):
     """One satellite at one epoch, as the primary method left it."""
 
@@ -72,20 +79,22 @@ def _judged(judgement: Judgement | None, config: Config, adjusted_by_m: float | 
     found = f"change {judgement.change_m:.2f} m per 0.2 s over the threshold of {judgement.threshold_m:.2f} m"
     if adjusted_by_m is not None:
         return f"{found}, adjusted by {adjusted_by_m:+.1f} m"
-    if config.method == "adjust" and judgement.substitute_m is None:
+    if config.method == "adjust" and judgement.substitute is None:
         return f"{found}, adjusted for {config.longest_adjusting_s:g} s already: left out"
     return found + (", left out" if config.method == "remove" else "")
 
 
 def _verdict(
-    corrected: Corrected, seen: _Seen, i: int, t_s: float, measured_m: float | None, belief: _Belief
+    corrected: Corrected, seen: _Seen, i: int, t_s: float, measured: _Measured, belief: _Belief
 ) -> SatelliteVerdict:
     judgement = corrected.judgements[i]
     flagged = judgement is not None and judgement.flagged
     used = seen.rejection == _USABLE and seen.residual_m is not None
-    adjusted_by_m = None
-    if used and flagged and corrected.config.method == "adjust" and seen.pseudorange_m and measured_m:
-        adjusted_by_m = seen.pseudorange_m - measured_m
+    adjusted_by_m = adjusted_rate_by_mps = None
+    if used and judgement and judgement.substitute and corrected.config.method == "adjust" and measured.pseudorange_m:
+        adjusted_by_m = judgement.substitute.pseudorange_m - measured.pseudorange_m
+        if measured.range_rate_mps is not None:
+            adjusted_rate_by_mps = judgement.substitute.range_rate_mps - measured.range_rate_mps
     reason = _judged(judgement, corrected.config, adjusted_by_m)
     if seen.rejection not in (_USABLE, _MULTIPATH):
         rejected = _rejected_because(corrected, seen, i, t_s)
@@ -106,6 +115,7 @@ def _verdict(
         threshold_m=judgement.threshold_m if judgement else None,
         residual_m=seen.residual_m,
         adjusted_by_m=adjusted_by_m,
+        adjusted_rate_by_mps=adjusted_rate_by_mps,
     )
 
 
@@ -121,7 +131,10 @@ def verdicts_of(corrected: Corrected) -> list[Verdicts]:
             strict=True,
         )
     ]
-    measured_m = numbers(corrected.prepared.rows["pseudorange_m"])
+    measured = [
+        _Measured(*one)
+        for one in zip(*(numbers(corrected.prepared.rows[name]) for name in _Measured._fields), strict=True)
+    ]
     added = contributions(corrected.evidence)
     belief = _Belief(added, probability(added).tolist())
     first = corrected.prepared.first_row.tolist()
@@ -132,7 +145,7 @@ def verdicts_of(corrected: Corrected) -> list[Verdicts]:
             gps_week=week,
             tow_s=tow_s,
             satellites=tuple(
-                _verdict(corrected, seen[i], i, t_s[epoch], measured_m[i], belief)
+                _verdict(corrected, seen[i], i, t_s[epoch], measured[i], belief)
                 for i in range(first[epoch], first[epoch + 1])
             ),
         )
