@@ -227,6 +227,6 @@ def test_a_shared_fault_or_an_unknown_service_is_told_on_one_line(tmp_path: Path
 
 
 def test_a_state_folder_that_cannot_be_written_is_a_warning(profile: Path) -> None:
-    with running(*LIVES, "beat", str(profile), KIROTEI__STATE_DIR=os.devnull) as process:
+    with running(*LIVES, "beat", str(profile), KIROTEI__STATE_DIR=os.devnull, NUMBA_CACHE_DIR="") as process:
         assert os.devnull in process.event("state_not_kept")["text"]
         process.event("ready")
