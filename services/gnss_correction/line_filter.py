@@ -1,0 +1,298 @@
+"""Method `line`: where on a known line the train is, by a point-mass filter over places of the axis.
+
+A Bayes filter in one dimension (Bucy and Senne 1971: probability on a grid), with a small Kalman
+filter for speed, clock drift and clocks in every cell (line_likelihood.py). It is causal. The
+probability moves with the speed that Doppler gives along the axis, or that the wheels give; the
+pseudoranges then weigh the cells. Several passages of the line near one place stay hypotheses until
+the measurements decide between them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from schemas.gnss import FixStatus
+from services.gnss_correction.line_coasting import Coasting
+from services.gnss_correction.line_likelihood import (
+    CLOCK,
+    SIGHT,
+    SPEED,
+    VAR_CLOCK,
+    VAR_DRIFT,
+    VAR_SPEED,
+    common_jump_m,
+    level_of,
+    rate_level_of,
+    take_sights,
+    weigh_cells,
+)
+from services.gnss_correction.line_windows import (
+    OVERHANG_M,
+    Window,
+    cells_at,
+    even,
+    leap,
+    move,
+    tail_bound_m,
+    tidy,
+)
+from services.gnss_correction.solver_arrays import Float64s, Records
+from services.gnss_correction.wheel_speed import WheelScale
+from services.line.axis import Axis
+
+ACCELERATION_MPS: Final = 1.0
+"""How much the speed may change unseen in one second (one standard deviation)."""
+WHEEL_ACCELERATION_MPS: Final = 0.1
+"""The same when the wheels tell how it changes."""
+DRIFT_STEP_MPS: Final = 0.3
+CLOCK_STEP_M: Final = 0.3
+"""Random walk of the receiver's clock drift, and of its clocks beyond the drift, in one second."""
+RENEWAL_S: Final = 8.0
+RENEWAL_M: Final = 10.0
+"""After this time, or this way, a satellite's error is another one: reflections live as long."""
+FEWEST_SIGHTS: Final = 3
+"""A place needs two satellites and their clock; the third is for their errors."""
+FEWEST_TO_START: Final = 5
+COARSE_M: Final = 8.0
+"""Steps in which the whole line is searched at first."""
+WORST_SEED: Final = 40.0
+"""Cost above the best at which a coarse place is no candidate any more."""
+SEARCH_AGAIN_S: Final = 1.0
+LONGEST_STEP_S: Final = 3.0
+"""A longer time without measurements is bridged in one piece."""
+LOST_M: Final = 150.0
+"""When the place is less certain than this (one standard deviation), the line is searched anew."""
+FALLING_ODDS: Final = math.exp(-8.0)
+"""Of two hypotheses on the same ground in opposite directions the one that runs towards rising axis_m is named,
+until this is outweighed; the bound covers both all the same."""
+BOUND_SIGMAS: Final = 5.0
+BOUND_FLOOR_M: Final = 5.0
+MOST_WHEEL_CHANGE_MPS2: Final = 2.5
+"""A faster change of the wheels' speed is slip or slide."""
+DIRECTION_KNOWN_MPS: Final = 0.4
+"""Below this speed the direction of running is not known, and the wheels do not tell it."""
+WHEEL_SIGMA_MPS: Final = 0.1
+WHEEL_RENEWAL_S: Final = 5.0
+WORST_RATE_LEVEL: Final = 0.8
+LOST_DRIFT_M2PS2: Final = 1e6
+JUMP_M2: Final = 1e4
+NO_WHEEL: Final = np.array([np.nan, np.nan])
+MODE_REACH_M: Final = 40.0
+RISK: Final = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class LineEstimate:
+    """Where the train is on the line at one epoch, or why that is not known."""
+
+    status: FixStatus
+    reason: str
+    axis_m: float = math.nan
+    bound_m: float = math.nan
+    """Error along the axis that is vouched for."""
+    speed_mps: float = math.nan
+    """Towards rising axis_m."""
+    used: int = 0
+    level: float = math.nan
+    sigma_m: float = math.nan
+
+
+class LineFilter:
+    """Follows one receiver along one line."""
+
+    def __init__(self, axis: Axis) -> None:
+        """Know nothing yet but the line."""
+        self.axis = axis
+        self.scale = WheelScale()
+        places = np.arange(-OVERHANG_M, axis.length_m + OVERHANG_M + 2.0)
+        inside = np.clip(places, 0.0, axis.length_m)
+        tangents = axis.tangent(places)
+        self._table = np.hstack([axis.at(places) + (places - inside)[:, None] * tangents, tangents])
+        self._windows: list[Window] = []
+        self._coasting = Coasting(0.0, 0.0)
+        self._t_s = -math.inf
+        self._wheel_mps = math.nan
+        self._searched_s = -math.inf
+        self._sights = np.zeros(64, SIGHT)
+        self._best = LineEstimate("none", "no epoch yet")
+
+    def epoch(self, t_s: float, rows: Records, rules: Any, wheel_mps: float = math.nan) -> LineEstimate:  # noqa: ANN401 - numpy record
+        """Estimate at one epoch.
+
+        `rows` (dtype ROW) are those of the epoch; directions and rejections are completed. `t_s`
+        must rise; `wheel_mps` is the speed by the wheels without a sign, NaN where there is none.
+        """
+        dt_s = t_s - self._t_s if self._windows else 0.0
+        self._t_s = t_s
+        if self._windows:
+            self._coasting.go(dt_s, ACCELERATION_MPS)
+            if math.isfinite(wheel_mps):
+                self._coasting.roll(wheel_mps * self.scale.scale, self.scale.sigma, dt_s)
+        sights = self._take(rows, t_s, rules)
+        if len(sights) < (FEWEST_SIGHTS if self._windows else FEWEST_TO_START):
+            return self._predicted(f"{len(sights)} usable of {len(rows)} satellites")
+        if not self._windows or self._coasting.sigma_m > LOST_M:
+            return self._search(sights)
+        return self._follow(sights, wheel_mps)
+
+    def _take(self, rows: Records, t_s: float, rules: Any) -> Records:  # noqa: ANN401 - numpy record
+        """The satellites of an epoch as cells see them, from about where the train is."""
+        if len(rows) > len(self._sights):
+            self._sights = np.zeros(2 * len(rows), SIGHT)
+        around_m = self._best.axis_m if self._windows else self.axis.length_m / 2.0
+        count = take_sights(rows, self.axis.at(around_m), t_s, rules, self._sights)
+        return self._sights[:count]
+
+    def _predicted(self, reason: str) -> LineEstimate:
+        """Where the train should be by now."""
+        if not self._windows:
+            return LineEstimate("none", reason)
+        past, coasting = self._best, self._coasting
+        bound_m = past.bound_m + BOUND_SIGMAS * coasting.sigma_m
+        return LineEstimate(
+            "predicted",
+            f"{reason}; predicted for {coasting.time_s:.1f} s",
+            min(max(past.axis_m + coasting.distance_m, 0.0), self.axis.length_m),
+            min(bound_m, self.axis.length_m),
+            coasting.speed_mps,
+        )
+
+    def _search(self, sights: Records) -> LineEstimate:
+        """Begin with the whole line: coarse places first, then cells around those that are good enough."""
+        if self._t_s - self._searched_s < SEARCH_AGAIN_S:
+            return self._predicted(self._best.reason)
+        self._searched_s = self._t_s
+        coarse = np.arange(0.0, self.axis.length_m + COARSE_M, COARSE_M)
+        cost = self._weighed(coarse, even(0.0, len(coarse)).states, sights, 1.0, NO_WHEEL)
+        if self._windows:
+            expected_m = self._best.axis_m + self._coasting.distance_m
+            cost += np.minimum(((coarse - expected_m) / self._coasting.sigma_m) ** 2, WORST_SEED)
+        good = coarse[cost < cost.min() + WORST_SEED]
+        cells = np.unique((good[:, None] + np.arange(-COARSE_M, COARSE_M)).astype(np.int64))
+        breaks = np.flatnonzero(np.diff(cells) > 1) + 1
+        self._windows = [even(float(part[0]), len(part)) for part in np.split(cells, breaks)]
+        self._update(sights, 1.0, NO_WHEEL)
+        return self._answer(sights)
+
+    def _follow(self, sights: Records, wheel_mps: float) -> LineEstimate:
+        """Carry the windows to the present and weigh them."""
+        coasting = self._coasting
+        dt_s = coasting.time_s
+        rolled_mps = wheel_mps * self.scale.scale
+        change_mps = rolled_mps - self._wheel_mps
+        self._wheel_mps = rolled_mps
+        if dt_s > LONGEST_STEP_S:
+            main_mps = self._best.speed_mps
+            self._windows = [
+                leap(
+                    one,
+                    math.copysign(1.0, one.speed_mps * main_mps) * coasting.distance_m,
+                    math.copysign(1.0, one.speed_mps * main_mps) * coasting.speed_mps,
+                    coasting.speed_m2ps2,
+                    coasting.sigma_m**2,
+                )
+                for one in self._windows
+            ]
+            self._update(sights, 1.0, NO_WHEEL)
+            return self._answer(sights)
+        wheels_tell = math.isfinite(change_mps) and abs(change_mps) <= MOST_WHEEL_CHANGE_MPS2 * dt_s
+        self._windows = [self._moved(one, dt_s, change_mps if wheels_tell else math.nan) for one in self._windows]
+        before = [one.speed_mps for one in self._windows]
+        way_m = abs(self._best.speed_mps) * dt_s
+        fresh = min(1.0, dt_s / RENEWAL_S + way_m / RENEWAL_M)
+        self._update(sights, fresh, self._wheel_measurement(rolled_mps, dt_s))
+        for one, speed_mps in zip(self._windows, before, strict=True):
+            one.start_m += 0.5 * (one.speed_mps - speed_mps) * dt_s
+        answer = self._answer(sights)
+        if math.isfinite(wheel_mps):
+            self.scale.learn(abs(answer.speed_mps), wheel_mps, dt_s)
+        return answer
+
+    @staticmethod
+    def _moved(window: Window, dt_s: float, change_mps: float) -> Window:
+        """A window after a step, its speeds changed as the wheels tell, half before and half after it."""
+        told = math.isfinite(change_mps) and abs(window.speed_mps) > DIRECTION_KNOWN_MPS
+        half_mps = math.copysign(0.5, window.speed_mps) * change_mps if told else 0.0
+        step_mps = (WHEEL_ACCELERATION_MPS if told else ACCELERATION_MPS) * math.sqrt(dt_s)
+        window.states[:, SPEED] += half_mps
+        moved = move(window, dt_s, step_mps, DRIFT_STEP_MPS * math.sqrt(dt_s), CLOCK_STEP_M * math.sqrt(dt_s))
+        moved.states[:, SPEED] += half_mps
+        return moved
+
+    def _wheel_measurement(self, rolled_mps: float, dt_s: float) -> Float64s:
+        """Speed by the wheels and its variance for one epoch; its error lasts, so that it counts little each time."""
+        slow = abs(self._best.speed_mps) < DIRECTION_KNOWN_MPS
+        if not math.isfinite(rolled_mps) or (slow and rolled_mps > DIRECTION_KNOWN_MPS):
+            return NO_WHEEL
+        variance = WHEEL_SIGMA_MPS**2 + (self.scale.sigma * rolled_mps) ** 2
+        return np.array([rolled_mps, variance * max(WHEEL_RENEWAL_S / dt_s, 1.0)])
+
+    def _weighed(
+        self, places_m: Float64s, states: Float64s, sights: Records, fresh: float, wheel: Float64s
+    ) -> Float64s:
+        cost = np.zeros(len(places_m))
+        points, tangents = cells_at(self._table, places_m)
+        weigh_cells(points, tangents, states, sights, fresh, wheel, cost)
+        return cost
+
+    def _update(self, sights: Records, fresh: float, wheel: Float64s) -> None:
+        """Weigh every cell with an epoch."""
+        self._repair(sights)
+        costs = [self._weighed(one.places_m, one.states, sights, fresh, wheel) for one in self._windows]
+        least = min(float(cost.min()) for cost in costs)
+        for one, cost in zip(self._windows, costs, strict=True):
+            one.mass *= np.exp(-0.5 * (cost - least))
+
+    def _main(self) -> Window:
+        """The window that is believed."""
+        return max(
+            self._windows, key=lambda one: one.total * (FALLING_ODDS if one.speed_mps < -DIRECTION_KNOWN_MPS else 1.0)
+        )
+
+    def _repair(self, sights: Records) -> None:
+        """Take out what all satellites say of the receiver's clock at once: steps of clock and of drift."""
+        main = self._main()
+        best = int(np.argmax(main.mass))
+        point, tangent = cells_at(self._table, main.places_m[best : best + 1])
+        jump_m = common_jump_m(point[0], tangent[0], main.states[best], sights)
+        lost = rate_level_of(point[0], tangent[0], main.states[best], sights) > WORST_RATE_LEVEL
+        for one in self._windows:
+            if jump_m:
+                one.states[:, CLOCK:VAR_CLOCK] += jump_m
+                one.states[:, VAR_CLOCK:] += JUMP_M2
+            if lost:
+                one.states[:, VAR_SPEED] += 4.0
+                one.states[:, VAR_DRIFT] += LOST_DRIFT_M2PS2
+
+    def _answer(self, sights: Records) -> LineEstimate:
+        """Settle the windows and say where the train is."""
+        self._windows = tidy(self._windows, self.axis.length_m)
+        if not self._windows:
+            self._best = LineEstimate("none", "ran off the end of the line")
+            return self._best
+        main = self._main()
+        best = int(np.argmax(main.mass))
+        near = slice(max(best - int(MODE_REACH_M), 0), best + int(MODE_REACH_M) + 1)
+        mass, places, states = main.mass[near], main.places_m[near], main.states[near]
+        axis_m = float(mass @ places) / float(mass.sum())
+        sigma_m = math.sqrt(float(mass @ (places - axis_m) ** 2) / float(mass.sum()))
+        speed_mps = float(mass @ states[:, SPEED]) / float(mass.sum())
+        point, tangent = cells_at(self._table, main.places_m[best : best + 1])
+        level = level_of(point[0], tangent[0], main.states[best], sights)
+        self._coasting = Coasting(speed_mps, float(states[:, VAR_SPEED] @ mass) / float(mass.sum()))
+        tail_m = tail_bound_m(self._windows, axis_m, RISK)
+        self._best = LineEstimate(
+            "fix",
+            "",
+            min(max(axis_m, 0.0), self.axis.length_m),
+            BOUND_FLOOR_M + 2.0 * tail_m,
+            speed_mps,
+            len(sights),
+            level,
+            sigma_m,
+        )
+        return self._best
