@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from services.gnss_correction.tune_command import tune
+
 if TYPE_CHECKING:
     from services.gnss_correction.evaluation import Evaluation, FixTrack
     from services.gnss_correction.settings import Config
     from services.gnss_correction.solve_file import Solved
+
+USUAL_SMOOTHING_S = 100.0
+"""Time constant of Hatch filters in receivers and in aviation (RTCA DO-229)."""
 
 app = typer.Typer(
     name="gnss",
@@ -25,16 +30,16 @@ app = typer.Typer(
 )
 
 
-class _UsageError(ValueError):
+class UsageError(ValueError):
     """What was asked for cannot be meant."""
 
 
 @contextmanager
-def _told(command: str) -> Iterator[None]:
+def told(command: str) -> Iterator[None]:
     """One clear line and the exit code for whatever can go wrong with files and options."""
     try:
         yield
-    except _UsageError as error:
+    except UsageError as error:
         typer.echo(f"kirotei gnss {command}: {error}", err=True)
         raise typer.Exit(2) from error
     except OSError as error:
@@ -46,8 +51,8 @@ def _told(command: str) -> Iterator[None]:
         raise typer.Exit(1) from error
 
 
-def _config(path: Path | None, overrides: dict[str, object]) -> Config:
-    """Settings from the [gnss_correction] table of a TOML file, then from options. Raises _UsageError."""
+def configured(path: Path | None, overrides: dict[str, object]) -> Config:
+    """Settings from the [gnss_correction] table of a TOML file, then from options. Raises UsageError."""
     from services.gnss_correction.settings import Config
     from services.runtime.config_check import Faults, converted
 
@@ -57,10 +62,10 @@ def _config(path: Path | None, overrides: dict[str, object]) -> Config:
             table = tomllib.loads(path.read_text("utf-8")).get("gnss_correction", {})
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             msg = f"{path}: {error}"
-            raise _UsageError(msg) from error
+            raise UsageError(msg) from error
         if not isinstance(table, dict):
             msg = f"{path}: gnss_correction: expected a table [gnss_correction]"
-            raise _UsageError(msg)
+            raise UsageError(msg)
     faults = Faults()
     config = converted(table | {name: value for name, value in overrides.items() if value is not None}, Config, faults)
     if config is None:
@@ -68,12 +73,12 @@ def _config(path: Path | None, overrides: dict[str, object]) -> Config:
             f"--{one[0]}" if one and overrides.get(one[0]) is not None else f"{path}: gnss_correction.{'.'.join(one)}"
             for one, _ in faults.found
         )
-        raise _UsageError("; ".join(f"{spot}: {words}" for spot, (_, words) in zip(spots, faults.found, strict=True)))
+        raise UsageError("; ".join(f"{spot}: {words}" for spot, (_, words) in zip(spots, faults.found, strict=True)))
     return config
 
 
 @contextmanager
-def _progress(what: str) -> Iterator[Callable[[float], None]]:
+def progress_of(what: str) -> Iterator[Callable[[float], None]]:
     """A bar on a terminal, lines where there is none; both on standard error."""
     from rich.console import Console
     from rich.progress import Progress
@@ -112,6 +117,12 @@ def solve(
         str | None, typer.Option("--systems", help="Constellations, as G,R,E,C,J; default: all of these.")
     ] = None,
     weights: Annotated[str | None, typer.Option("--weights", help="cn0 (default) or elevation.")] = None,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="Smooth pseudoranges by the carrier phase over 100 s, or what is set.")
+    ] = False,
+    thresholds: Annotated[
+        Path | None, typer.Option("--thresholds", help="The receiver's own thresholds, as `kirotei gnss tune` writes.")
+    ] = None,
     verdicts: Annotated[Path | None, typer.Option("--verdicts", help="verdicts.csv to write.")] = None,
     config: Annotated[
         Path | None, typer.Option("--config", help="TOML file whose [gnss_correction] table holds further settings.")
@@ -122,15 +133,18 @@ def solve(
 
     Example: kirotei gnss solve --rover rover.obs --nav brdc.nav --method remove --out fixes.csv
     """
-    with _told("solve"):
+    with told("solve"):
         chosen = {"method": method, "systems": systems and systems.replace(",", "").upper(), "weights": weights}
-        settings = _config(config, {**chosen, "compare": []})
+        chosen["thresholds_file"] = str(thresholds) if thresholds else None
+        settings = configured(config, {**chosen, "compare": []})
+        if smooth and settings.smooth_s == 0.0:
+            settings = configured(config, {**chosen, "compare": [], "smooth_s": USUAL_SMOOTHING_S})
         from services.gnss_correction.solve_file import solve_file
 
         if verdicts is not None and verdicts.absolute() == out.absolute():
             msg = f"{out}: fixes and verdicts cannot be one file"
-            raise _UsageError(msg)
-        with _progress(f"solving {rover.name}") as progress:
+            raise UsageError(msg)
+        with progress_of(f"solving {rover.name}") as progress:
             solved = solve_file(rover, nav, settings, out, verdicts, progress)
         if as_json:
             table = asdict(solved) | {"issues": [str(issue) for issue in solved.issues], "method": settings.method}
@@ -172,10 +186,10 @@ def evaluate_fixes(
 
     Example: kirotei gnss evaluate --fixes original.csv --fixes remove.csv --truth truth.csv --centreline line.csv
     """
-    with _told("evaluate"):
+    with told("evaluate"):
         if plot is not None and plot.suffix.lower() not in (".png", ".svg"):
             msg = f"--plot: {plot} is neither .png nor .svg"
-            raise _UsageError(msg)
+            raise UsageError(msg)
         from services.gnss_correction import fixes_file
         from services.gnss_correction.evaluation import evaluate
 
@@ -189,3 +203,6 @@ def evaluate_fixes(
 
             save_tracks(plot, tracks, line, truth_line, stops)
         _print(evaluations, with_line=line is not None, with_truth=truth_line is not None, as_json=as_json)
+
+
+app.command("tune")(tune)

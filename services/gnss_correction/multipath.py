@@ -22,8 +22,10 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from schemas.thresholds import Thresholds
 from services.gnss_correction.clock_jump import MILLISECOND_M, clock_jump_ms
 from services.gnss_correction.settings import Config
+from services.gnss_receiver.observations import SYSTEMS
 
 NOMINAL_INTERVAL_S: Final = 0.2
 """Interval to which changes and thresholds are scaled (paper, 4.4)."""
@@ -116,9 +118,10 @@ class _Track:
 class MultipathDetector:
     """Watches every satellite of one receiver. Feed it one epoch after the other; a step back starts anew."""
 
-    def __init__(self, config: Config) -> None:
-        """Know no satellite yet."""
+    def __init__(self, config: Config, thresholds: Thresholds | None = None) -> None:
+        """Know no satellite yet. Without `thresholds` of the receiver those of the settings hold."""
         self._config = config
+        self._thresholds = thresholds
         self._tracks: dict[int, _Track] = {}
         self._clock_ms = 0
         """Sum of the jumps so far."""
@@ -175,7 +178,9 @@ class MultipathDetector:
         track.rates_mps.append(rate_mps)
         judgement = Judgement(watched_epochs=len(window))
         if len(window) == self._config.window_epochs:
-            judgement = self._compare(track, t_s, sight.elevation_rad, jump_m, interval_s, rate_mps, window)
+            judgement = self._compare(
+                track, t_s, sight.satellite, sight.elevation_rad, jump_m, interval_s, rate_mps, window
+            )
         if not judgement.flagged:
             track.adjusting_from_s = None
         track.followed_m, track.carrier_m = sight.pseudorange_m, sight.carrier_m
@@ -186,10 +191,21 @@ class MultipathDetector:
         track.pseudorange_m, track.range_rate_mps = sight.pseudorange_m, sight.range_rate_mps
         return judgement
 
+    def _threshold_m(self, satellite: int, elevation_rad: float) -> float:
+        """Threshold by the receiver's own file where that covers the satellite, else by the paper's rule."""
+        if self._thresholds is not None:
+            own_m = self._thresholds.threshold_m(SYSTEMS[satellite // 100], math.degrees(elevation_rad))
+            if own_m is not None:
+                return own_m
+        extra_m = self._config.near_horizon_extra_m
+        low = elevation_rad < math.radians(self._config.near_horizon_deg)
+        return self._config.threshold_m + (extra_m if low else 0.0)
+
     def _compare(
         self,
         track: _Track,
         t_s: float,
+        satellite: int,
         elevation_rad: float,
         jump_m: float,
         interval_s: float,
@@ -199,9 +215,7 @@ class MultipathDetector:
         config = self._config
         mean_mps = sum(abs(rate) for rate in window) / len(window)
         change_m = abs(abs(rate_mps) - mean_mps) * NOMINAL_INTERVAL_S
-        threshold_m = config.threshold_m
-        if elevation_rad < math.radians(config.near_horizon_deg):
-            threshold_m += config.near_horizon_extra_m
+        threshold_m = self._threshold_m(satellite, elevation_rad)
         if change_m <= threshold_m:
             return Judgement(len(window), change_m, threshold_m)
         if track.adjusting_from_s is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from schemas.topics import GNSS_COMPARISON, GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_FIX
 from services.gnss_correction.fix_messages import fixes_of
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.settings import Config
+from services.gnss_correction.thresholds_file import read_thresholds
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.runtime.node import Node, Service
 
@@ -65,6 +67,9 @@ async def run(node: Node, config: Config) -> None:
     """Answer epochs until asked to stop; every epoch gets a fix or a reason."""
     arrivals = node.arrivals(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE)
     await node.in_thread(lambda: _warm_up(config))
+    thresholds = None
+    if config.thresholds_file:
+        thresholds = await node.in_thread(lambda: read_thresholds(Path(config.thresholds_file)))
     node.ready()
     corrections: dict[str, Correction] = {}
     async for arrival in arrivals:
@@ -73,7 +78,7 @@ async def run(node: Node, config: Config) -> None:
             if len(corrections) == MOST_DEVICES:
                 node.health.refuse(f"more than {MOST_DEVICES} receivers: {device}", node.clock.monotonic_s())
                 continue
-            corrections[device] = Correction(config)
+            corrections[device] = Correction(config, thresholds=thresholds)
         match arrival.message:
             case Epoch() as epoch:
                 await _answer(node, device, corrections[device], epoch)

@@ -17,6 +17,7 @@ from services.gnss_correction.fixes_file import FixesWriter
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.rejection import OUTCOME_WORDS, Outcome
 from services.gnss_correction.settings import Config
+from services.gnss_correction.thresholds_file import read_thresholds
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.gnss_receiver.observations import FileIssue, Navigation, Observations
 from services.gnss_receiver.rinex_navigation_file import read_navigation
@@ -83,7 +84,8 @@ def _require_cover(config: Config, observations: Observations, navigation: Navig
 
 def _informed(config: Config, navigation: Navigation) -> Correction:
     """A pipeline that knows what was broadcast."""
-    correction = Correction(config, (config.method,))
+    thresholds = read_thresholds(Path(config.thresholds_file)) if config.thresholds_file else None
+    correction = Correction(config, (config.method,), thresholds)
     for ephemeris in navigation.ephemerides:
         correction.add(ephemeris)
     if navigation.ionosphere is not None:
