@@ -22,7 +22,7 @@ OwnMode = Literal[
     "none", "autonomous", "differential", "rtk_float", "rtk_fixed", "precise", "estimated", "manual", "simulated"
 ]
 """How a receiver found its own position (NMEA 0183, GGA quality)."""
-Method = Literal["original", "remove", "adjust"]
+Method = Literal["original", "remove", "adjust", "robust", "line"]
 
 
 class Epoch(Message, frozen=True, kw_only=True):

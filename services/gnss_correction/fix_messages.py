@@ -9,15 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schemas.gnss import Fix, Method
+from schemas.gnss import Fix, FixStatus, Method
 from services.gnss_correction.ephemeris_table import EphemerisTable
 from services.gnss_correction.multipath import Judgement
 from services.gnss_correction.preparation import Prepared
 from services.gnss_correction.rejection import REJECTION_WORDS, Outcome, Rejection
+from services.gnss_correction.robust_reasons import remarkable, robust_reason
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solver_arrays import Float64s, Records
 
-_FIX = int(Outcome.FIX)
+_FIX, _PREDICTED = int(Outcome.FIX), int(Outcome.PREDICTED)
+_STATUS: dict[int, FixStatus] = {_FIX: "fix", _PREDICTED: "predicted"}
 _FIGURES = (
     "lat_rad",
     "lon_rad",
@@ -97,7 +99,11 @@ def _reasons(corrected: Corrected, solution: Solution) -> list[str]:
     """Reason of every epoch; of fixes only what is special about them."""
     reasons = list(corrected.refusals)
     first = corrected.prepared.first_row
-    for i in np.flatnonzero(solution.epochs["outcome"] != _FIX).tolist():
+    if "undetermined_s" in (solution.epochs.dtype.names or ()):
+        for i in remarkable(solution.epochs):
+            left_out = _left_out(solution.rows["rejection"][first[i] : first[i + 1]].tolist())
+            reasons[i] = robust_reason(solution.epochs[i], left_out)
+    for i in np.flatnonzero(~np.isin(solution.epochs["outcome"], (_FIX, _PREDICTED))).tolist():
         if not reasons[i]:
             rejections = solution.rows["rejection"][first[i] : first[i + 1]].tolist()
             reasons[i] = _no_fix_reason(solution.epochs[i], rejections, corrected.config)
@@ -108,6 +114,11 @@ def _reasons(corrected: Corrected, solution: Solution) -> list[str]:
     return reasons
 
 
+def _bounds(epochs: Records) -> list[float | None]:
+    """Horizontal bound of every epoch; None where the method vouches for none."""
+    return numbers(epochs["bound_m"]) if "bound_m" in (epochs.dtype.names or ()) else [None] * len(epochs)
+
+
 def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
     """A fix, or the reason why none, for every epoch of the block."""
     solution = corrected.solutions[method]
@@ -116,10 +127,11 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
         corrected.t_ns,
         corrected.gps_week,
         corrected.tow_s,
-        (epochs["outcome"] == _FIX).tolist(),
+        epochs["outcome"].tolist(),
         _reasons(corrected, solution),
         epochs["used"].tolist(),
         corrected.flagged,
+        _bounds(epochs),
         *(numbers(epochs[name]) for name in _FIGURES),
         strict=True,
     )
@@ -129,7 +141,7 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
             gps_week=week,
             tow_s=tow_s,
             method=method,
-            status="fix" if fixed else "none",
+            status=_STATUS.get(outcome, "none"),
             reason=reason,
             lat_deg=None if lat_rad is None else math.degrees(lat_rad),
             lon_deg=None if lon_rad is None else math.degrees(lon_rad),
@@ -137,20 +149,22 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
             ve_mps=ve_mps,
             vn_mps=vn_mps,
             vu_mps=vu_mps,
-            clock_bias_m=clock_m if fixed else None,
-            satellites_used=used if fixed else 0,
+            clock_bias_m=clock_m if outcome in _STATUS else None,
+            satellites_used=used if outcome in _STATUS else 0,
             satellites_flagged=flagged,
-            sigma_horizontal_m=sigma_m if fixed else None,
-            hdop=hdop if fixed else None,
+            sigma_horizontal_m=sigma_m if outcome in _STATUS else None,
+            bound_m=bound_m,
+            hdop=hdop if outcome == _FIX else None,
         )
         for (
             t_ns,
             week,
             tow_s,
-            fixed,
+            outcome,
             reason,
             used,
             flagged,
+            bound_m,
             lat_rad,
             lon_rad,
             h_m,

@@ -2,7 +2,7 @@
 
 Each epoch is solved from all its pseudoranges first, because the detector wants elevations;
 then judged; then solved again without (`remove`) or with substituted pseudoranges (`adjust`)
-of the satellites held for multipath.
+of the satellites held for multipath; `robust` filters all of them instead.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from services.gnss_correction.multipath import Judgement, MultipathDetector, Sig
 from services.gnss_correction.multipath_evidence import EvidenceGatherer
 from services.gnss_correction.preparation import Prepared, SignalStrengths, prepare
 from services.gnss_correction.rejection import Rejection
+from services.gnss_correction.robust_bound import COMMON_M, COMMON_WITHOUT_IONOSPHERE_M
+from services.gnss_correction.robust_filter import RobustFilter, RobustInput, seconds_of_week
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solution import Solver
-from services.gnss_correction.solver_arrays import RULES, Records
+from services.gnss_correction.solver_arrays import RULES, Bools, Records
 from services.gnss_receiver.observations import Observations, satellite_code
 
 _NOT_WATCHED = frozenset({
@@ -73,6 +75,8 @@ class Correction:
         self._rules["cn0_mask_dbhz"] = config.cn0_mask_dbhz
         self._rules["most_pdop"] = config.most_pdop
         self._rules["longest_hold_s"] = config.longest_height_hold_s
+        self._robust = RobustFilter(config.acceleration_mps2, config.bound_factor)
+        self._common_m = COMMON_WITHOUT_IONOSPHERE_M
         self._strengths = SignalStrengths(config.cn0_averaging_s)
 
     def add(self, broadcast: Ephemeris | Ionosphere) -> None:
@@ -87,6 +91,7 @@ class Correction:
         return self.block(block_of(epoch), [epoch.t_ns])
 
     def block(self, observations: Observations, t_ns: Sequence[int] | None = None) -> Corrected:
+            self._common_m = COMMON_M
         """Epochs, solved and judged one after the other; the result does not depend on the division into blocks."""
         weeks, tows_s = observations.gps_week.tolist(), observations.tow_s.tolist()
         refusals = [self.order.refusal(week, tow_s) for week, tow_s in zip(weeks, tows_s, strict=True)]
@@ -96,7 +101,9 @@ class Correction:
         solutions: dict[Method, Solution] = {"original": self._solve("original", prepared, prepared.rows.copy())}
         judgements, flagged = self._judge(prepared, solutions["original"].rows)
         for method in self.methods:
-            if method != "original":
+            if method == "robust":
+                solutions[method] = self._filter(prepared, refused, table.gps_week, solutions["original"])
+            elif method != "original":
                 solutions[method] = self._solve(method, prepared, _altered(method, prepared.rows, judgements))
         if t_ns is None:
             t_ns = [unix_ns_from_gps(week, tow_s) for week, tow_s in zip(weeks, tows_s, strict=True)]
@@ -136,6 +143,14 @@ class Correction:
             self._smoothers[method].smooth(prepared.first_row, prepared.t_s, rows)
         epochs = self._solvers[method].solve(prepared.first_row, prepared.t_s, rows, self._rules[0])
         return Solution(epochs, rows)
+
+    def _filter(self, prepared: Prepared, refused: Bools, gps_week: int, first: Solution) -> Solution:
+        """Solutions of the robust filter, which starts from those of single epochs."""
+        rows = prepared.rows.copy()
+        if "robust" in self._smoothers:
+            self._smoothers["robust"].smooth(prepared.first_row, prepared.t_s, rows)
+        given = RobustInput(prepared.first_row, prepared.t_s + seconds_of_week(gps_week), refused, rows, first.epochs)
+        return Solution(self._robust.solve(given, self._rules[0], self._common_m), rows)
 
     def _judge(self, prepared: Prepared, seen: Records) -> tuple[list[Judgement | None], list[int]]:
         """Judgement of every row, and the number of flagged satellites of each epoch."""

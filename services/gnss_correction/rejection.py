@@ -22,6 +22,7 @@ class Rejection(IntEnum):
     EPOCH_REFUSED = 11
     NO_SIGNAL = 12
     CONTRADICTS = 13
+    INCONSISTENT = 14
 
 
 class Outcome(IntEnum):
@@ -33,6 +34,7 @@ class Outcome(IntEnum):
     NOT_CONVERGED = 3
     ABSURD_PLACE = 4
     CONTRADICTION = 5
+    PREDICTED = 6
 
 
 REJECTION_WORDS = {
@@ -50,6 +52,7 @@ REJECTION_WORDS = {
     Rejection.EPOCH_REFUSED: "epoch refused",
     Rejection.NO_SIGNAL: "no L1, E1 or B1I signal",
     Rejection.CONTRADICTS: "contradicts the other satellites by kilometres",
+    Rejection.INCONSISTENT: "disagrees with the filter",
 }
 
 OUTCOME_WORDS = {
@@ -59,4 +62,5 @@ OUTCOME_WORDS = {
     Outcome.NOT_CONVERGED: "no convergence",
     Outcome.ABSURD_PLACE: "absurd place",
     Outcome.CONTRADICTION: "contradicting pseudoranges",
+    Outcome.PREDICTED: "predicted",
 }

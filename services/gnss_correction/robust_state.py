@@ -1,7 +1,8 @@
-"""What the robust filter remembers between epochs, and the rules by which it works.
+"""What the robust filter remembers between epochs, and the layout of its state.
 
-State (14): position [m] and velocity [m/s], Earth-fixed; clock drift [m/s]; one receiver clock per
-constellation [m], in the order of `SYSTEMS`.
+State: position [m] and velocity [m/s], Earth-fixed; drift of the receiver's clock [m/s]; one
+receiver clock per constellation [m], in the order of `SYSTEMS`, so that the offsets between the
+constellations' times are part of the state.
 """
 
 from __future__ import annotations
@@ -11,63 +12,101 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from services.gnss_correction.ephemeris_table import CODES
-from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Ints
+from services.gnss_correction.solver_arrays import MOST_SYSTEMS, SOLUTION, Float64s, Ints, Records
 
 VELOCITY: Final = 3
 DRIFT: Final = 6
 CLOCK: Final = 7
 SIZE: Final = CLOCK + MOST_SYSTEMS
-"""Unknowns, and the first one of velocity, drift and clocks."""
+"""First unknown of velocity, drift and clocks, and the number of unknowns."""
+MOST_ROWS: Final = CODES
+"""Satellites that an epoch may have."""
 
-FILTER_RULES: Final = np.dtype([
-    (name, np.float64)
-    for name in (
-        "acceleration_mps2",
-        "climb_mps2",
-        "degrees_of_freedom",
-        "correlation_s",
-        "code_floor_m",
-        "code_scale",
-        "slow_share",
-        "clock_noise_m",
-        "isb_noise_m",
-        "glonass_m",
-        "doppler_scale",
-        "half_db",
-        "skew",
-    )
+NOW: Final = np.dtype([
+    ("started", np.int64),
+    *(
+        (name, np.float64)
+        for name in (
+            # time of the state, of its (re)start, of the last epoch whose satellites alone determine a place
+            "t_s",
+            "started_s",
+            "determined_s",
+            # how long the pseudoranges have contradicted the state
+            "doubt_s",
+            # how far the place was moved against its own motion, and when
+            "moved_m",
+            "moved_s",
+            # by how much the residuals exceed their model, held and decaying
+            "excess",
+            # the strongest signals, held
+            "strongest_dbhz",
+            # bound and time of the last fix
+            "bound_m",
+            "bound_s",
+            # step of the receiver's clock at this epoch beyond whole milliseconds
+            "clock_step_m",
+        )
+    ),
 ])  # fmt: skip
+
+FILTER_RULES: Final = np.dtype([(name, np.float64) for name in ("acceleration_mps2", "bound_factor", "common_m")])
+"""Settings of the filter: see `settings.Config`; `common_m` as in robust_bound.py."""
+
+ROBUST_SOLUTION: Final = np.dtype(
+    SOLUTION.descr + [(name, np.float64) for name in ("bound_m", "undetermined_s", "moved_m", "clock_step_m")]
+)
+"""Solution of one epoch by the filter: as SOLUTION, and
+
+`bound_m` its horizontal bound; `undetermined_s` for how long there have not been satellites enough;
+`moved_m` how far the place was moved lately against its own motion; `clock_step_m` a step of the
+receiver's clock that is no whole millisecond; 0 where nothing is to be said.
+"""
 
 
 class Memory(NamedTuple):
-    """State of the filter; arrays, so that kernels change them in place."""
+    """The filter between epochs, and its working space; arrays, because kernels change them in place."""
 
+    now: Records
+    """Shape (1,), dtype NOW."""
     state: Float64s
     """Shape (SIZE,)."""
     covariance: Float64s
     """Shape (SIZE, SIZE), symmetric."""
-    started: Float64s
-    """Shape (1,): 1 once there is a state."""
-    t_s: Float64s
     clock_known: Ints
+    """Shape (MOST_SYSTEMS,): 1 for constellations seen so far."""
     response: Float64s
-    """Shape (CODES, SIZE): what an error of one metre, constant so far, in a satellite's pseudoranges does to the
-    state."""
+    """Shape (CODES, SIZE): error of the state by a satellite whose pseudoranges have always been late by one standard
+    deviation."""
     responding: Ints
-    suspicion: Float64s
-    scale: Float64s
+    """Shape (CODES,): 1 where there is such a response."""
+    predicted: Float64s
+    """The state before the epoch's measurements, and the inverse of its covariance."""
+    information: Float64s
+    normal: Float64s
+    right: Float64s
+    column: Float64s
+    sample: Float64s
+    weight: Float64s
+    """Shape (MOST_ROWS,): weight of each pseudorange of the epoch [1/m²]."""
+    level: Float64s
+    """East, north and up at the place, in rows."""
 
 
 def no_memory() -> Memory:
-    """Nothing is known."""
+    """A filter that knows nothing."""
     return Memory(
+        np.zeros(1, NOW),
         np.zeros(SIZE),
         np.zeros((SIZE, SIZE)),
-        np.zeros(1),
-        np.zeros(1),
         np.zeros(MOST_SYSTEMS, np.int64),
         np.zeros((CODES, SIZE)),
         np.zeros(CODES, np.int64),
-        np.zeros((CODES, 2)),
-        np.ones(4),
+        np.zeros(SIZE),
+        np.zeros((SIZE, SIZE)),
+        np.zeros((SIZE, SIZE)),
+        np.zeros(SIZE),
+        np.zeros(SIZE),
+        np.zeros(MOST_ROWS),
+        np.zeros(MOST_ROWS),
+        np.zeros((3, 3)),
     )

@@ -19,7 +19,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     method: Method = "adjust"
     """What is published as the fix: `original` uses every satellite, `remove` leaves out those held for multipath,
-    `adjust` puts the pseudorange that was to be expected in place of theirs."""
+    `adjust` puts the pseudorange that was to be expected in place of theirs; `robust` filters pseudoranges and
+    Dopplers with robust weights and bounds its error."""
     compare: tuple[Method, ...] = ("original", "remove")
     """Other methods whose fixes are published beside it."""
     systems: Annotated[str, Meta(pattern="^[GRECJ]{1,5}$")] = "GRECJ"
@@ -39,6 +40,10 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """With a larger position dilution of precision the height of an earlier fix is held, or there is no fix."""
     longest_height_hold_s: Annotated[float, Meta(ge=0.0)] = 30.0
     """How old a fix may be whose height is held; 0 holds none."""
+    acceleration_mps2: Annotated[float, Meta(gt=0.0, le=50.0)] = 1.0
+    """Density of the horizontal acceleration in `robust` per root hertz: trains start and brake at about this."""
+    bound_factor: Annotated[float, Meta(ge=1.0, le=10.0)] = 5.0
+    """Standard deviations in the horizontal bound of `robust`."""
     threshold_m: Positive = 0.45
     """A change of pseudorange per 0.2 s that differs from its mean by more is held for multipath (paper, 4.4)."""
     near_horizon_extra_m: Annotated[float, Meta(ge=0.0)] = 0.3

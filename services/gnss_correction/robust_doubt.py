@@ -1,0 +1,91 @@
+"""When the robust filter doubts itself or its measurements: wrong states are left, common offsets are told.
+
+A filter that believes its prediction can take all measurements for outliers and stay wrong for
+ever. Where for DOUBT_S most of the information in the pseudoranges contradicts the state, its
+covariance is opened wide, and the measurements decide. The place then moves against its own
+motion by Doppler: either the old place was wrong, or the new one is (a repeated or spoofed signal
+moves all pseudoranges consistently). Nobody can tell which; the bound covers both for a while.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from services.gnss_correction.kernel import kernel
+from services.gnss_correction.rejection import Rejection
+from services.gnss_correction.robust_state import VELOCITY, Memory
+from services.gnss_correction.solver_arrays import Records
+
+DOUBT_S: Final = 3.0
+"""Longer than vehicles pass a facade that reflects the strong signals too."""
+DOUBTFUL_SQUARE: Final = 9.0
+"""Square of the normalised residual from which on a pseudorange contradicts."""
+INCONSISTENT_SQUARE: Final = 25.0
+"""From here on it counts as excluded; its weight is below a sixth."""
+OPENED_M: Final = 200.0
+OPENED_MPS: Final = 10.0
+TOLD_M: Final = 50.0
+"""A move against the motion by more is told, and covered by the bound."""
+COVERED_S: Final = 60.0
+CLOCK_STEP_M: Final = 300.0
+"""Step of a clock beyond whole milliseconds that is told: a microsecond, more than steering does at once."""
+
+_USABLE, _INCONSISTENT = int(Rejection.USABLE), int(Rejection.INCONSISTENT)
+
+
+@kernel
+def open_when_doubtful(memory: Memory) -> bool:
+    """Open the covariance before an epoch's update when the state has been contradicted for long enough."""
+    now = memory.now[0]
+    if now.doubt_s < DOUBT_S:
+        return False
+    for i in range(3):
+        memory.covariance[i, i] += OPENED_M * OPENED_M
+        memory.covariance[VELOCITY + i, VELOCITY + i] += OPENED_MPS * OPENED_MPS
+    now.doubt_s, now.started_s = 0.0, now.t_s
+    return True
+
+
+@kernel
+def take_move(memory: Memory) -> None:
+    """Note how far an opened update moved the place horizontally."""
+    now, square_m2 = memory.now[0], 0.0
+    for axis in range(2):
+        moved_m = 0.0
+        for i in range(3):
+            moved_m += memory.level[axis, i] * (memory.state[i] - memory.predicted[i])
+        square_m2 += moved_m * moved_m
+    moved_m = np.sqrt(square_m2)
+    if moved_m > TOLD_M and moved_m > covered_m(memory):
+        now.moved_m, now.moved_s = moved_m, now.t_s
+
+
+@kernel
+def covered_m(memory: Memory) -> float:
+    """What is left of a move to be covered by the bound."""
+    now = memory.now[0]
+    age_s = now.t_s - now.moved_s
+    return float(now.moved_m * np.exp(-age_s / COVERED_S)) if now.moved_m > 0.0 else 0.0
+
+
+@kernel
+def take_doubt(rows: Records, memory: Memory, dt_s: float) -> int:
+    """Count for how long most of the information has contradicted the state; gives the consistent rows.
+
+    Rows far beyond their standard deviation become INCONSISTENT.
+    """
+    now, against, whole, count = memory.now[0], 0.0, 0.0, 0
+    for row in rows:
+        if row.rejection != _USABLE:
+            continue
+        square = row.residual_m * row.residual_m / row.variance_m2
+        whole += 1.0 / row.variance_m2
+        against += 1.0 / row.variance_m2 if square > DOUBTFUL_SQUARE else 0.0
+        if square > INCONSISTENT_SQUARE:
+            row.rejection = _INCONSISTENT
+        else:
+            count += 1
+    now.doubt_s = now.doubt_s + dt_s if against > 0.5 * whole else max(now.doubt_s - 2.0 * dt_s, 0.0)
+    return count
