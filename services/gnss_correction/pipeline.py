@@ -13,6 +13,7 @@ import numpy as np
 
 from schemas.gnss import Ephemeris, Epoch, Ionosphere, Method
 from schemas.gnss_time import gps_from_unix_ns, unix_ns_from_gps
+from schemas.thresholds import Thresholds
 from services.gnss_correction.carrier_smoothing import CarrierSmoother
 from services.gnss_correction.ephemeris_store import EphemerisStore
 from services.gnss_correction.epoch_order import EpochOrder
@@ -59,24 +60,29 @@ def block_of(epoch: Epoch) -> Observations:
 class Correction:
     """Corrects the epochs of one receiver, in the order in which they come."""
 
-    def __init__(self, config: Config, methods: Sequence[Method] | None = None) -> None:
-        """Solve by `methods`; by default the configured one and those to compare."""
+    def __init__(
+        self, config: Config, methods: Sequence[Method] | None = None, thresholds: Thresholds | None = None
+    ) -> None:
+        """Solve by `methods`; by default the configured one and those to compare.
+
+        `thresholds` of the receiver's own go before those of the settings.
+        """
         self.config = config
         self.methods: tuple[Method, ...] = tuple(dict.fromkeys(methods or (config.method, *config.compare)))
         self.order = EpochOrder()
-        self.detector = MultipathDetector(config)
+        self.detector = MultipathDetector(config, thresholds)
         self._gatherer = EvidenceGatherer()
         self._store = EphemerisStore()
         self._solvers: dict[Method, Solver] = {method: Solver() for method in ("original", *self.methods)}
         self._smoothers = {m: CarrierSmoother(config.smooth_s) for m in self._solvers if config.smooth_s > 0.0}
+        self._robust = RobustFilter(config.acceleration_mps2, config.bound_factor)
+        self._common_m = COMMON_WITHOUT_IONOSPHERE_M
         self._rules = np.zeros(1, RULES)
         self._rules["by_cn0"] = config.weights == "cn0"
         self._rules["elevation_mask_rad"] = np.radians(config.elevation_mask_deg)
         self._rules["cn0_mask_dbhz"] = config.cn0_mask_dbhz
         self._rules["most_pdop"] = config.most_pdop
         self._rules["longest_hold_s"] = config.longest_height_hold_s
-        self._robust = RobustFilter(config.acceleration_mps2, config.bound_factor)
-        self._common_m = COMMON_WITHOUT_IONOSPHERE_M
         self._strengths = SignalStrengths(config.cn0_averaging_s)
 
     def add(self, broadcast: Ephemeris | Ionosphere) -> None:
@@ -85,13 +91,13 @@ class Correction:
             self._store.add(broadcast)
         else:
             self._rules["alpha"], self._rules["beta"] = broadcast.alpha, broadcast.beta
+            self._common_m = COMMON_M
 
     def epoch(self, epoch: Epoch) -> Corrected:
         """One epoch, solved and judged. An epoch whose time is no number is answered at `t_ns`."""
         return self.block(block_of(epoch), [epoch.t_ns])
 
     def block(self, observations: Observations, t_ns: Sequence[int] | None = None) -> Corrected:
-            self._common_m = COMMON_M
         """Epochs, solved and judged one after the other; the result does not depend on the division into blocks."""
         weeks, tows_s = observations.gps_week.tolist(), observations.tow_s.tolist()
         refusals = [self.order.refusal(week, tow_s) for week, tow_s in zip(weeks, tows_s, strict=True)]

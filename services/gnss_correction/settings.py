@@ -46,6 +46,9 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Standard deviations in the horizontal bound of `robust`."""
     threshold_m: Positive = 0.45
     """A change of pseudorange per 0.2 s that differs from its mean by more is held for multipath (paper, 4.4)."""
+    thresholds_file: str = ""
+    """TOML file with the receiver's own thresholds, as `kirotei gnss tune` writes it; where it covers a satellite it
+    goes before `threshold_m` and what is added near the horizon."""
     near_horizon_extra_m: Annotated[float, Meta(ge=0.0)] = 0.3
     """Added to the threshold for satellites near the horizon (paper, 4.4)."""
     near_horizon_deg: Degrees = 10.0
