@@ -106,9 +106,10 @@ class Correction:
         prepared = prepare(observations, refused, table, self.config.systems, self._strengths)
         solutions: dict[Method, Solution] = {"original": self._solve("original", prepared, prepared.rows.copy())}
         judgements, flagged = self._judge(prepared, solutions["original"].rows)
+        robust = self._filter(prepared, refused, table.gps_week, solutions["original"])
         for method in self.methods:
             if method == "robust":
-                solutions[method] = self._filter(prepared, refused, table.gps_week, solutions["original"])
+                solutions[method] = robust
             elif method != "original":
                 solutions[method] = self._solve(method, prepared, _altered(method, prepared.rows, judgements))
         if t_ns is None:
@@ -127,21 +128,16 @@ class Correction:
             prepared=prepared,
             judgements=judgements,
             flagged=flagged,
-            evidence=self._gather(prepared, solutions),
+            evidence=self._gather(prepared, solutions["original"].rows, robust),
             solutions=solutions,
         )
 
-    def _gather(self, prepared: Prepared, solutions: dict[Method, Solution]) -> Records:
-        """Evidence of multipath in every row, against the place found from all satellites."""
-        reference = solutions["original"]
-        seen = solutions["original"].rows.copy()
+    def _gather(self, prepared: Prepared, directed: Records, reference: Solution) -> Records:
+        """Evidence of multipath in every row, against the place that the robust filter finds from all of them."""
+        seen = directed.copy()
         seen["pseudorange_m"] = prepared.rows["pseudorange_m"]
         return self._gatherer.gather(
-            prepared.first_row,
-            prepared.t_s,
-            seen,
-            reference.rows["residual_m"],
-            reference.epochs,
+            prepared.first_row, prepared.t_s, seen, reference.rows["residual_m"], reference.epochs
         )
 
     def _solve(self, method: Method, prepared: Prepared, rows: Records) -> Solution:
