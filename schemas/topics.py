@@ -162,6 +162,13 @@ GNSS_IONOSPHERE = Topic(
     None,
     "broadcast Klobuchar coefficients",
 )
+GNSS_OWN_POSITION = Topic(
+    "train/{train}/gnss/{device}/own_position",
+    gnss.OwnPosition,
+    Delivery.STATE,
+    5.0,
+    "where a receiver itself believes to be",
+)
 GNSS_VERDICT = Topic(
     "train/{train}/gnss/{device}/verdict",
     gnss.Verdicts,
@@ -199,6 +206,7 @@ ALL: tuple[Topic[Message], ...] = (
     GNSS_EPOCH,
     GNSS_EPHEMERIS,
     GNSS_IONOSPHERE,
+    GNSS_OWN_POSITION,
     GNSS_VERDICT,
     GNSS_FIX,
     GNSS_COMPARISON,

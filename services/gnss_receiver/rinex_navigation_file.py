@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from services.gnss_receiver.observations import Navigation
+from services.gnss_receiver.recording_file import is_stream, read_recording
 from services.gnss_receiver.rinex_file import read_bytes, write_lines
 from services.gnss_receiver.rinex_navigation import parse_navigation
 from services.gnss_receiver.rinex_navigation_text import navigation_lines
 
 
 def read_navigation(paths: Sequence[Path]) -> Navigation:
-    """Everything usable in RINEX 2 and 3 navigation files; what was refused stands in `issues`.
+    """Everything usable in navigation files; what was refused stands in `issues`.
 
-    GPS, Galileo, BeiDou, QZSS and GLONASS; plain or packed, recognised by content. Blocks: call it
+    GPS, Galileo, BeiDou, QZSS and GLONASS, from RINEX 2 and 3, plain or packed, and from RTCM 3 or
+    UBX as a receiver sent them; recognised by content. Blocks: call it
     in a thread from asyncio code.
     Raises RinexError when one is no such file, OSError when it cannot be read.
     """
-    unpacked = [read_bytes(path) for path in paths]
-    navigation = parse_navigation((str(path), file.content) for path, file in zip(paths, unpacked, strict=True))
-    return replace(navigation, issues=tuple(issue for file in unpacked for issue in file.issues) + navigation.issues)
+    unpacked = {path: read_bytes(path) for path in paths}
+    texts = {path: file for path, file in unpacked.items() if not is_stream(file.content)}
+    navigation = parse_navigation((str(path), file.content) for path, file in texts.items())
+    issues = tuple(issue for file in texts.values() for issue in file.issues) + navigation.issues
+    ephemerides, ionosphere = navigation.ephemerides, navigation.ionosphere
+    for path in [path for path in unpacked if path not in texts]:
+        recorded = read_recording(path).navigation
+        ephemerides, issues = ephemerides + recorded.ephemerides, issues + recorded.issues
+        ionosphere = ionosphere or recorded.ionosphere
+    return Navigation(ephemerides, ionosphere, issues)
 
 
 def write_navigation(path: Path, navigation: Navigation) -> None:

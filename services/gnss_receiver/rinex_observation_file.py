@@ -8,19 +8,23 @@ from pathlib import Path
 
 from schemas.gnss import Epoch
 from services.gnss_receiver.observations import Observations, observations_of
+from services.gnss_receiver.recording_file import is_stream, read_recording
 from services.gnss_receiver.rinex_file import read_bytes, write_lines
 from services.gnss_receiver.rinex_observation_text import RecordingHeader, observation_lines
 from services.gnss_receiver.rinex_observations import parse_observations
 
 
 def read_observations(path: Path, *, progress: Callable[[float], None] | None = None) -> Observations:
-    """Everything that is good in a RINEX observation file; what was refused stands in `issues`.
+    """Everything that is good in a recording of observations; what was refused stands in `issues`.
 
-    RINEX 2.10-2.12 and 3.00-3.05, plain, packed or Hatanaka-compressed, recognised by content.
+    RINEX 2.10-2.12 and 3.00-3.05, plain, packed or Hatanaka-compressed, and RTCM 3 or UBX as a
+    receiver sent them, recognised by content.
     `progress` gets the fraction done, rising to 1. Blocks: call it in a thread from asyncio code.
     Raises RinexError when it is no such file, OSError when it cannot be read.
     """
     unpacked = read_bytes(path)
+    if is_stream(unpacked.content):
+        return read_recording(path).observations
     observations = parse_observations(unpacked.content, str(path), progress)
     return replace(observations, issues=unpacked.issues + observations.issues)
 

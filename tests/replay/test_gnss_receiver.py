@@ -13,9 +13,10 @@ import pytest
 from schemas.gnss import Ephemeris, Epoch, Ionosphere
 from schemas.gnss_time import unix_ns_from_gps
 from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, Place
+from services.gnss_receiver.reception_stream import LATEST_S, LONGEST_WAIT_S, PAUSE_S
 from services.gnss_receiver.rinex_error import RinexError
 from services.gnss_receiver.rinex_observation_file import read_observations
-from services.gnss_receiver.service import LATEST_S, LONGEST_WAIT_S, PAUSE_S, SERVICE, Config
+from services.gnss_receiver.service import SERVICE, Config
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode

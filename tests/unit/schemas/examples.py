@@ -13,7 +13,7 @@ import numpy as np
 
 from schemas import topics
 from schemas.codec import encode, encode_json
-from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere, KeplerOrbit, SatelliteVerdict, Verdicts
+from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere, KeplerOrbit, OwnPosition, SatelliteVerdict, Verdicts
 from schemas.health import Health, InputHealth, ServiceEvent
 from schemas.message import Message
 from schemas.position import TrainTruth
@@ -62,6 +62,21 @@ EXAMPLES: dict[type[Message], Message] = {
         ),
     ),
     Ionosphere: Ionosphere(t_ns=_T_NS, alpha=(1e-8, 2e-8, -6e-8, -1e-7), beta=(8e4, 1e5, -6e4, -5e5)),
+    OwnPosition: OwnPosition(
+        t_ns=_T_NS,
+        protocol="nmea",
+        status="fix",
+        mode="differential",
+        lat_deg=52.5,
+        lon_deg=13.37,
+        h_m=76.0,
+        ve_mps=1.5,
+        vn_mps=-0.5,
+        satellites_used=9,
+        hdop=0.9,
+        sigma_horizontal_m=1.2,
+        correction_age_s=2.0,
+    ),
     Verdicts: Verdicts(
         t_ns=_T_NS,
         gps_week=1900,

@@ -1,0 +1,102 @@
+"""Where a receiver's words come from, as a service's configuration says it."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from schemas.gnss_time import NS
+
+Text = Annotated[str, Meta(min_length=1)]
+Port = Annotated[int, Meta(ge=1, le=65_535)]
+NO_DEGREES = (0.0, 0.0, 0.0)
+
+
+class SerialSource(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="serial"
+):
+    """A receiver on a serial line."""
+
+    port: Text
+    """Device, `/dev/ttyACM0`."""
+    baud: Annotated[int, Meta(ge=300, le=4_000_000)] = 115_200
+
+
+class TcpSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="tcp"):
+    """A receiver, or a serial server, that sends to whoever connects."""
+
+    host: Text
+    port: Port
+
+
+class NtripSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="ntrip"):
+    """A stream of an NTRIP caster."""
+
+    host: Text
+    port: Port = 2101
+    mountpoint: Annotated[str, Meta(pattern=r"^[^\s/][^\s]*$")]
+    version: Annotated[int, Meta(ge=1, le=2)] = 2
+    tls: bool = False
+    user: str = ""
+    password_file: str = ""
+    """File that holds the password; nothing else may be in it."""
+    password_variable: str = ""
+    """Variable of the environment that holds the password, where there is no file."""
+    position: tuple[float, float, float] | None = None
+    """Latitude, longitude [deg] and ellipsoidal height [m] that are reported to the caster, where it asks for them."""
+
+
+class FileSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="file"):
+    """What a receiver sent, as it was recorded."""
+
+    path: Text
+    recorded: Annotated[str, Meta(pattern=r"^$|^\d{4}-\d{2}-\d{2}$")] = ""
+    """Day of the recording (UTC), where its messages do not name it."""
+
+
+Source = SerialSource | TcpSource | NtripSource | FileSource
+
+
+class Reception(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a receiver is read: a recording in `observations`, or a `source`."""
+
+    observations: Text | None = None
+    """Recording of observations: RINEX, or RTCM 3 or UBX as the receiver sent them."""
+    navigation: tuple[str, ...] = ()
+    """Recordings of what the satellites broadcast: RINEX, RTCM 3 or UBX."""
+    speed: Annotated[float, Meta(ge=0.0, le=1000.0)] = 1.0
+    """Recorded seconds per second; 0 for as fast as it goes."""
+    repeat: bool = False
+    """Begin again at the end of a recording. Times stay those of the recording."""
+    source: Source | None = None
+    """A live receiver, or a recording that is read as one: kind `serial`, `tcp`, `ntrip` or `file`."""
+    silence_s: Annotated[float, Meta(ge=1.0, le=3600.0)] = 10.0
+    """A live source that sends nothing for longer is opened anew."""
+    rate_hz: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    """Epochs (or positions) per second that a live source should give; 0 does not check."""
+    raw_log: str = ""
+    """File to which a live source's bytes are appended as they come; empty for none."""
+    raw_log_bytes: Annotated[int, Meta(ge=1_000)] = 100_000_000
+    """When the log has grown to this it is renamed, to `.1`, the one before to `.2`, and so on."""
+    raw_log_files: Annotated[int, Meta(ge=1, le=1000)] = 10
+    """Logs that are kept, the newest included."""
+
+    def __post_init__(self) -> None:
+        """Refuse two sources of epochs, and none."""
+        if (self.observations is None) == (self.source is None):
+            msg = "give either observations (a recording) or a source (serial, tcp, ntrip or file)"
+            raise ValueError(msg)
+
+
+def recorded_ns(source: FileSource) -> int | None:
+    """Noon of the day on which a source was recorded; None where it is left to the messages.
+
+    Raises ValueError for a day that does not exist.
+    """
+    if not source.recorded:
+        return None
+    day = datetime.fromisoformat(f"{source.recorded}T12:00:00").replace(tzinfo=UTC)
+    return round(day.timestamp()) * NS
