@@ -26,19 +26,19 @@ class Term(NamedTuple):
     """How its figure is told; receives the figure."""
 
 
-BASE: Final = -3.0
-"""Log odds without any evidence: 5 %, a receiver between open line and town."""
+BASE: Final = -3.3
+"""Log odds without any evidence: 4 %, a receiver between open line and town."""
 RESIDUAL_M: Final = 2.0
 """Scale of residuals: what code noise and atmosphere leave of a clean pseudorange."""
 TERMS: Final = (
-    Term("residual_m", 0.5, "{:+.1f} m off the other satellites"),
-    Term("residual_mean_m", 0.15, "{:+.1f} m off them over the last second"),
-    Term("deficit_db", 1.2, "C/N0 {:.0f} dB below its elevation's profile"),
+    Term("residual_m", 0.7, "{:+.1f} m off the other satellites"),
+    Term("residual_mean_m", 0.1, "{:+.1f} m off them over the last second"),
+    Term("deficit_db", 0.8, "C/N0 {:.0f} dB below its elevation's profile"),
     Term("drop_db", 0.1, "C/N0 {:.0f} dB below its recent best"),
-    Term("change_hold_m", 0.3, "range changed by {:.1f} m against Doppler (peak, 10 m at most)"),
-    Term("divergence_hold_m", 0.1, "range changed by {:.1f} m against the carrier (peak, 10 m at most)"),
+    Term("change_hold_m", 0.2, "range changed by {:.1f} m against Doppler (peak, 10 m at most)"),
+    Term("divergence_hold_m", 0.05, "range changed by {:.1f} m against the carrier (peak, 10 m at most)"),
     Term("rate_hold_mps", 0.1, "Doppler {:.1f} m/s off the velocity"),
-    Term("slip_hold", 0.5, "cycle slip"),
+    Term("slip_hold", 0.6, "cycle slip"),
 )
 """Natural log odds per unit of feature (see `features`)."""
 PER_DB: Final = 0.1
