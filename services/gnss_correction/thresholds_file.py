@@ -35,8 +35,12 @@ def thresholds_text(thresholds: Thresholds) -> str:
 
 
 def _lines(table: dict[str, object]) -> list[str]:
-    # A JSON string, integer or float is one of TOML too, as long as no character is escaped beyond its planes.
-    return [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in table.items() if value is not None]
+    # A JSON string, integer or float is one of TOML too, but for the delete character, which TOML wants escaped.
+    return [
+        f"{name} = {json.dumps(value, ensure_ascii=False)}".replace("\x7f", "\\u007f")
+        for name, value in table.items()
+        if value is not None
+    ]
 
 
 def write_thresholds(path: Path, thresholds: Thresholds) -> None:

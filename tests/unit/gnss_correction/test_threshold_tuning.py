@@ -174,8 +174,8 @@ def test_the_detector_goes_by_the_receivers_own_thresholds_where_there_are_some(
 
 def test_the_sweep_shows_every_band_threshold_and_method(noisy: list[Epoch]) -> None:
     lat, lon, h = PLACE_DEG
-    at = WEEK * 604_800.0 + START_S + np.array([-1.0, 100.0])
-    truth = Polyline(np.full(2, lat), np.full(2, lon), np.full(2, h), at)
+    at = WEEK * 604_800.0 + START_S + np.arange(-1.0, 8.0)
+    truth = Polyline(*(np.full(at.size, value) for value in (lat, lon, h)), at)
     done: list[float] = []
     rows = sweep(
         Config(method="original", compare=()),
