@@ -16,6 +16,8 @@ from services.gnss_receiver.receiver_stream import ReceiverStream
 from services.gnss_receiver.reception import NtripSource, Reception, SerialSource, Source, TcpSource
 from services.gnss_receiver.serial_stream import SerialLine
 from services.gnss_receiver.tcp_socket import TcpConnection
+from services.nmea_output.sentences import position_report
+from services.runtime.clock import Clock
 from services.runtime.node import Node
 
 _UNINTELLIGIBLE: Final = 4096
@@ -23,7 +25,7 @@ _UNINTELLIGIBLE: Final = 4096
 _FRAMES: Final = ("rtcm3_frames", "ubx_frames", "nmea_frames")
 
 
-def connection(source: Source) -> ByteSource:
+def connection(source: Source, clock: Clock) -> ByteSource:
     """Connection that a live source names. Raises TypeError for a recording."""
     match source:
         case SerialSource():
@@ -31,7 +33,8 @@ def connection(source: Source) -> ByteSource:
         case TcpSource():
             return TcpConnection(source.host, source.port)
         case NtripSource():
-            return NtripConnection(source)
+            place = source.position
+            return NtripConnection(source, place and (lambda: position_report(clock.now_ns(), *place)))
         case _:
             msg = f"{type(source).__name__} is no live source"
             raise TypeError(msg)

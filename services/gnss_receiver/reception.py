@@ -12,7 +12,6 @@ from schemas.gnss_time import NS
 
 Text = Annotated[str, Meta(min_length=1)]
 Port = Annotated[int, Meta(ge=1, le=65_535)]
-NO_DEGREES = (0.0, 0.0, 0.0)
 
 
 class SerialSource(

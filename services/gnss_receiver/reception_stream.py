@@ -38,7 +38,7 @@ async def receive(node: Node, config: Reception) -> AsyncIterator[Heard]:
     elif isinstance(config.source, FileSource):
         reading = _replayed(node, config, config.source)
     else:
-        reading = _live(node, config, connection(config.source))
+        reading = _live(node, config, connection(config.source, node.clock))
     async for heard in reading:
         yield heard
 
