@@ -21,7 +21,7 @@ from services.runtime.host_config import BusConfig
 from services.runtime.process_end import StopSignals, end_process
 from services.runtime.state_dir import prepare, state_dir
 from services.runtime.terminal_picture import save_picture
-from services.runtime.watch import DRAW_S, WATCH, read_into
+from services.runtime.watch import DRAW_S, WATCH, follow_alive, read_into
 from services.runtime.watch_state import WatchState
 from services.runtime.watch_view import plain_lines, render
 from services.runtime.watch_words import Language
@@ -108,7 +108,7 @@ async def _show(
     view = WatchState(place.line)
     async with asyncio.TaskGroup() as group:
         opening = group.create_task(
-            ZenohNode.open(WATCH, place, f"watch@demo{os.getpid()}", LiveClock(), BusConfig(connect=(endpoint,)))
+            ZenohNode.open(WATCH, place, "watch", LiveClock(), BusConfig(connect=(endpoint,)), announced=False)
         )
         stopped = group.create_task(stop.wait())
         await asyncio.wait({opening, stopped}, timeout=START_LIMIT_S, return_when=asyncio.FIRST_COMPLETED)
@@ -118,10 +118,12 @@ async def _show(
             return 1
         node = opening.result()
         reading = group.create_task(read_into(view, node))
+        following = group.create_task(follow_alive(view, node.watch_alive(place.line)))
         try:
             await _draw(console, node, view, up, stop, seconds, language)
         finally:
             reading.cancel()
+            following.cancel()
             now_s = node.clock.monotonic_s()
             await node.close()
     console.print(render(view, now_s, language))

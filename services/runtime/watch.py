@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
+from collections.abc import AsyncIterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import NoReturn
@@ -17,6 +18,7 @@ from schemas.health import Health
 from schemas.message import Message
 from schemas.position import TrainTruth
 from schemas.topics import GNSS_COMPARISON, GNSS_FIX, HEALTH, TRAIN_TRUTH, Place, TopicError
+from services.runtime.alive import AliveChange
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, Settings
 from services.runtime.node import Arrival, Node, Service
@@ -40,12 +42,13 @@ class WatchConfig(Settings, frozen=True, kw_only=True):
     language: Language = "en"
 
 
-async def _run(node: Node, config: WatchConfig) -> None:
+async def _run(node: Node, config: WatchConfig, changes: AsyncIterator[AliveChange] | None = None) -> None:
     """Draw until stopped: a full screen on a terminal, else a line per method and second."""
     state = WatchState(node.place.line)
     console = Console()
     async with asyncio.TaskGroup() as group:
         reading = group.create_task(read_into(state, node), name="read")
+        following = None if changes is None else group.create_task(follow_alive(state, changes), name="alive")
         node.ready()
         if console.is_terminal:
             with Live(console=console, screen=True, auto_refresh=False) as live:
@@ -56,6 +59,8 @@ async def _run(node: Node, config: WatchConfig) -> None:
                 for line in plain_lines(state, node.clock.monotonic_s(), config.language):
                     console.print(line, markup=False, highlight=False, soft_wrap=True)
         reading.cancel()
+        if following is not None:
+            following.cancel()
 
 
 WATCH = Service(
@@ -72,6 +77,12 @@ async def read_into(state: WatchState, node: Node) -> None:
     """Take everything heard on the line into the state, until stopped."""
     async for arrival in node.arrivals(GNSS_FIX, GNSS_COMPARISON, TRAIN_TRUTH, HEALTH, anywhere=True):
         take(state, arrival, node.clock.monotonic_s())
+
+
+async def follow_alive(state: WatchState, changes: AsyncIterator[AliveChange]) -> None:
+    """Take who lives and who was lost into the state, until stopped."""
+    async for change in changes:
+        state.take_alive(change.token.service, change.token.boot_id, alive=change.alive)
 
 
 def take(state: WatchState, arrival: Arrival[Message], now_s: float) -> None:
@@ -148,7 +159,7 @@ class View:
             return self._told(f"no router at {', '.join(self.bus.connect)} within {ONCE_LIMIT_S:g} s")
         try:
             if not self.once:
-                await _run(node, WatchConfig(language=self.language))
+                await _run(node, WatchConfig(language=self.language), node.watch_alive(self.place.line))
                 return 0
             state = await heard_at_once(node)
             now_s = node.clock.monotonic_s()

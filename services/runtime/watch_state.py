@@ -99,14 +99,16 @@ class ServiceView:
     """Messages published per second between the last two reports."""
     restarts: int = 0
     """Starts of this service that the viewer has seen after the first."""
+    gone: bool = False
+    """Its liveliness token has been away for too long."""
 
     def age_s(self, now_s: float) -> float:
         """Time since the newest report was sent [s]."""
         return now_s - self.heard_s + self.delay_s
 
     def lost(self, now_s: float) -> bool:
-        """True when the service has been silent for too long."""
-        return self.age_s(now_s) > LOST_AFTER_S
+        """True when the service has been silent, or without its liveliness token, for too long."""
+        return self.gone or self.age_s(now_s) > LOST_AFTER_S
 
     def missing(self) -> int:
         """Messages that never reached the service."""
@@ -152,6 +154,12 @@ class WatchState:
         view.truth_heard_s = heard_s
         for row in view.methods.values():
             _settle(view, row)
+
+    def take_alive(self, source: str, boot_id: str, *, alive: bool) -> None:
+        """Take in that a start of a service lives, or was lost."""
+        view = self.services.get(source)
+        if view is not None and view.health.boot_id == boot_id:
+            view.gone = not alive
 
     def take_health(self, source: str, health: Health, heard_s: float, delay_s: float) -> None:
         """Take a service's report in."""

@@ -220,3 +220,16 @@ def test_distances_agree_with_published_lengths_of_a_degree(lat_deg: float, nort
 def test_the_date_line_is_no_distance() -> None:
     assert horizontal_distance_m(0.0, 179.9999, 0.0, -179.9999) == pytest.approx(0.0002 * 111_319.5, rel=1e-6)
     assert math.isclose(horizontal_distance_m(35.0, 135.0, 35.0, 135.0), 0.0)
+
+
+def test_a_service_without_its_token_is_lost_before_its_report_is_old() -> None:
+    state = WatchState("demo")
+    state.take_health("demo/train/T1/a", health(10.0, 1, boot_id="first"), 100.0, 0.0)
+    view = state.services["demo/train/T1/a"]
+    state.take_alive("demo/train/T1/a", "another start", alive=False)
+    assert not view.lost(101.0)
+    state.take_alive("demo/train/T1/a", "first", alive=False)
+    assert view.lost(101.0)
+    state.take_alive("demo/train/T1/a", "first", alive=True)
+    assert not view.lost(101.0)
+    state.take_alive("demo/train/T1/unheard", "first", alive=False)
