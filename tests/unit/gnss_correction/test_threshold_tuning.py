@@ -175,7 +175,7 @@ def test_the_detector_goes_by_the_receivers_own_thresholds_where_there_are_some(
 def test_the_sweep_shows_every_band_threshold_and_method(noisy: list[Epoch]) -> None:
     lat, lon, h = PLACE_DEG
     at = WEEK * 604_800.0 + START_S + np.arange(-1.0, 8.0)
-    truth = Polyline(*(np.full(at.size, value) for value in (lat, lon, h)), at)
+    truth = Polyline(np.full(at.size, lat), np.full(at.size, lon), np.full(at.size, h), at)
     done: list[float] = []
     rows = sweep(
         Config(method="original", compare=()),
