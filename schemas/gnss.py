@@ -188,6 +188,12 @@ class Fix(Message, frozen=True, kw_only=True):
     """One standard deviation of the horizontal position by the weights and the residuals; not a bound."""
     bound_m: Metres | None = None
     """Horizontal error that the method vouches for; None when it vouches for none."""
+    chainage_m: float | None = None
+    """Kilometrage on the line, where one is known."""
+    chainage_bound_m: Metres | None = None
+    """Error of the chainage that the method vouches for; None when it vouches for none."""
+    speed_along_mps: float | None = None
+    """Speed along the line, positive towards the end of its axis."""
     hdop: float | None = None
 
 

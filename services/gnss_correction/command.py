@@ -104,6 +104,16 @@ def _summary(rover: Path, out: Path, method: str, solved: Solved) -> str:
     return "\n".join(lines)
 
 
+def _require_line(settings: Config, wheel: Path | None) -> None:
+    """Raise UsageError where the method line is asked for without a line, or wheels without that method."""
+    if settings.method == "line" and not settings.line_file:
+        msg = "--method line: needs the line, as --line FILE"
+        raise UsageError(msg)
+    if wheel is not None and settings.method != "line":
+        msg = "--wheel: only the method line uses the wheels"
+        raise UsageError(msg)
+
+
 @app.command()
 def solve(
     *,
@@ -111,12 +121,21 @@ def solve(
     nav: Annotated[list[Path], typer.Option("--nav", help="RINEX navigation file; may be given several times.")],
     out: Annotated[Path, typer.Option("--out", help="fixes.csv to write: one row per epoch.")],
     method: Annotated[
-        str | None, typer.Option("--method", help="original, remove or adjust; default: that of the settings, adjust.")
+        str | None,
+        typer.Option(
+            "--method", help="original, remove, adjust, robust or line; default: that of the settings, robust."
+        ),
     ] = None,
     systems: Annotated[
         str | None, typer.Option("--systems", help="Constellations, as G,R,E,C,J; default: all of these.")
     ] = None,
     weights: Annotated[str | None, typer.Option("--weights", help="cn0 (default) or elevation.")] = None,
+    line: Annotated[
+        Path | None, typer.Option("--line", help="Line file or CSV polyline: chainage of every fix; for method line.")
+    ] = None,
+    wheel: Annotated[
+        Path | None, typer.Option("--wheel", help="Speed by the wheels for method line: CSV gps_week,tow_s,speed_mps.")
+    ] = None,
     smooth: Annotated[
         bool, typer.Option("--smooth", help="Smooth pseudoranges by the carrier phase over 100 s, or what is set.")
     ] = False,
@@ -135,17 +154,19 @@ def solve(
     """
     with told("solve"):
         chosen = {"method": method, "systems": systems and systems.replace(",", "").upper(), "weights": weights}
+        chosen["line_file"] = str(line) if line else None
         chosen["thresholds_file"] = str(thresholds) if thresholds else None
         settings = configured(config, {**chosen, "compare": []})
         if smooth and settings.smooth_s == 0.0:
             settings = configured(config, {**chosen, "compare": [], "smooth_s": USUAL_SMOOTHING_S})
+        _require_line(settings, wheel)
         from services.gnss_correction.solve_file import solve_file
 
         if verdicts is not None and verdicts.absolute() == out.absolute():
             msg = f"{out}: fixes and verdicts cannot be one file"
             raise UsageError(msg)
         with progress_of(f"solving {rover.name}") as progress:
-            solved = solve_file(rover, nav, settings, out, verdicts, progress)
+            solved = solve_file(rover, nav, settings, out, verdicts, progress, wheel)
         if as_json:
             table = asdict(solved) | {"issues": [str(issue) for issue in solved.issues], "method": settings.method}
             typer.echo(json.dumps(table, indent=2))
@@ -168,6 +189,26 @@ def _print(evaluations: list[Evaluation], *, with_line: bool, with_truth: bool, 
         typer.echo(tables(evaluations, with_line=with_line, with_truth=with_truth))
 
 
+def _evaluate_integrity(
+    fixes: list[Path], truth: Path | None, alert_limit_m: float, plot: Path | None, *, as_json: bool
+) -> None:
+    """Bounds of several methods against their errors."""
+    if truth is None:
+        msg = "--integrity: bounds can be held against a --truth only"
+        raise UsageError(msg)
+    from services.gnss_correction import fixes_file
+    from services.gnss_correction.integrity import bounded_errors, integrity_of, integrity_table
+
+    truth_line = fixes_file.read_truth(truth)
+    tracks = [bounded_errors(fixes_file.read_fixes(path, name), truth_line) for name, path in _named(fixes)]
+    results = [integrity_of(track, alert_limit_m) for track in tracks]
+    if plot is not None:
+        from services.gnss_correction.stanford_plot import save_stanford
+
+        save_stanford(plot, tracks, alert_limit_m)
+    typer.echo(json.dumps([asdict(one) for one in results], indent=2) if as_json else integrity_table(results))
+
+
 @app.command("evaluate")
 def evaluate_fixes(
     *,
@@ -179,17 +220,31 @@ def evaluate_fixes(
     stations: Annotated[
         Path | None, typer.Option("--stations", help="CSV of stations for the plot: name, lat_deg, lon_deg.")
     ] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="Map of the fixes to write, .png or .svg.")] = None,
+    integrity: Annotated[
+        bool, typer.Option("--integrity", help="Hold the bounds against the errors; needs --truth.")
+    ] = False,
+    alert_limit: Annotated[
+        float, typer.Option("--alert-limit", min=0.0, help="Bound [m] beyond which a fix is not available.")
+    ] = 50.0,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", help="Picture to write, .png or .svg: map of the fixes, or the Stanford diagram."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")] = False,
 ) -> None:
     """Distance to the line, fixation rate and error against the truth, of several methods side by side.
 
     Example: kirotei gnss evaluate --fixes original.csv --fixes remove.csv --truth truth.csv --centreline line.csv
+
+    Example: kirotei gnss evaluate --fixes robust.csv --truth truth.csv --integrity --plot stanford.png
     """
     with told("evaluate"):
         if plot is not None and plot.suffix.lower() not in (".png", ".svg"):
             msg = f"--plot: {plot} is neither .png nor .svg"
             raise UsageError(msg)
+        if integrity:
+            _evaluate_integrity(fixes, truth, alert_limit, plot, as_json=as_json)
+            return
         from services.gnss_correction import fixes_file
         from services.gnss_correction.evaluation import evaluate
 

@@ -32,6 +32,8 @@ class FixTrack:
     lat_deg: Float64s
     lon_deg: Float64s
     h_m: Float64s
+    bound_m: Float64s | None = None
+    """Horizontal bound; NaN where none is vouched for, None where the file has no such column."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,16 +134,21 @@ def _inside(t_s: Float64s, truth_s: Float64s) -> NDArray[np.bool_]:
     return np.asarray((t_s >= truth_s[0] - MARGIN_S) & (t_s <= truth_s[-1] + MARGIN_S) & known)
 
 
-def truth_error(track: FixTrack, truth: Polyline) -> TruthError | None:
-    """Error of the fixes against the truth, interpolated linearly; None without a fix inside it."""
-    inside = _inside(track.t_s, truth.at)
-    counted = inside & track.fixed
-    if not counted.any():
-        return None
+def errors_m(track: FixTrack, truth: Polyline) -> tuple[Float64s, NDArray[np.bool_]]:
+    """Horizontal error [m] of every epoch against the truth, interpolated linearly, and which lie inside it."""
     reference = truth.reference_deg
     true_m = horizontal_m(truth, reference)
     at = np.stack([np.interp(track.t_s, truth.at, true_m[:, k]) for k in range(2)], axis=-1)
-    error = np.hypot(*(horizontal_m(track, reference) - at).T)[counted]
+    return np.hypot(*(horizontal_m(track, reference) - at).T), _inside(track.t_s, truth.at)
+
+
+def truth_error(track: FixTrack, truth: Polyline) -> TruthError | None:
+    """Error of the fixes against the truth; None without a fix inside it."""
+    every, inside = errors_m(track, truth)
+    counted = inside & track.fixed
+    if not counted.any():
+        return None
+    error = every[counted]
     return TruthError(
         epochs=int(inside.sum()),
         fixation_percent=100.0 * float(counted.sum()) / float(inside.sum()),

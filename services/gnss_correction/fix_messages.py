@@ -33,6 +33,9 @@ _FIGURES = (
 )
 
 
+_OPTIONAL = ("bound_m", "chainage_m", "chainage_bound_m", "speed_along_mps")
+
+
 @dataclass(frozen=True, slots=True)
 class Solution:
     """One method's solutions of a block and the rows they were made from."""
@@ -41,6 +44,8 @@ class Solution:
     """Dtype SOLUTION."""
     rows: Records
     """Dtype ROW."""
+    reasons: Sequence[str] = ()
+    """What is to be said of each epoch, where the method finds the words itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +102,8 @@ def _no_fix_reason(epoch: np.void, rejections: Sequence[int], config: Config) ->
 
 def _reasons(corrected: Corrected, solution: Solution) -> list[str]:
     """Reason of every epoch; of fixes only what is special about them."""
+    if solution.reasons:
+        return [refusal or said for refusal, said in zip(corrected.refusals, solution.reasons, strict=True)]
     reasons = list(corrected.refusals)
     first = corrected.prepared.first_row
     if "undetermined_s" in (solution.epochs.dtype.names or ()):
@@ -114,9 +121,9 @@ def _reasons(corrected: Corrected, solution: Solution) -> list[str]:
     return reasons
 
 
-def _bounds(epochs: Records) -> list[float | None]:
-    """Horizontal bound of every epoch; None where the method vouches for none."""
-    return numbers(epochs["bound_m"]) if "bound_m" in (epochs.dtype.names or ()) else [None] * len(epochs)
+def _optional(epochs: Records, name: str) -> list[float | None]:
+    """A column that not every method has, such as the horizontal bound; None where there is none."""
+    return numbers(epochs[name]) if name in (epochs.dtype.names or ()) else [None] * len(epochs)
 
 
 def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
@@ -131,7 +138,7 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
         _reasons(corrected, solution),
         epochs["used"].tolist(),
         corrected.flagged,
-        _bounds(epochs),
+        *(_optional(epochs, name) for name in _OPTIONAL),
         *(numbers(epochs[name]) for name in _FIGURES),
         strict=True,
     )
@@ -154,6 +161,9 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
             satellites_flagged=flagged,
             sigma_horizontal_m=sigma_m if outcome in _STATUS else None,
             bound_m=bound_m,
+            chainage_m=chainage_m,
+            chainage_bound_m=chainage_bound_m,
+            speed_along_mps=speed_along_mps,
             hdop=hdop if outcome == _FIX else None,
         )
         for (
@@ -165,6 +175,9 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
             used,
             flagged,
             bound_m,
+            chainage_m,
+            chainage_bound_m,
+            speed_along_mps,
             lat_rad,
             lon_rad,
             h_m,

@@ -35,6 +35,8 @@ FIX_COLUMNS: Final = (
     "satellites_flagged",
     "bound_m",
 )
+CHAINAGE_COLUMNS: Final = ("chainage_m", "chainage_bound_m")
+"""Further columns of fixes on a known line."""
 VERDICT_COLUMNS: Final = ("gps_week", "tow_s", "satellite", "multipath_probability", "flagged", "reason")
 
 
@@ -58,8 +60,9 @@ def _tow(tow_s: float) -> str:
 class FixesWriter:
     """Writes fixes.csv, and verdicts.csv where wanted, row by row; `close` puts the files into place."""
 
-    def __init__(self, fixes: Path, verdicts: Path | None) -> None:
-        """Open temporary files beside the wanted ones. Raises OSError."""
+    def __init__(self, fixes: Path, verdicts: Path | None, *, chainage: bool = False) -> None:
+        """Open temporary files beside the wanted ones; fixes with `chainage` where a line is known. Raises OSError."""
+        self._chainage = chainage
         self._places = [path for path in (fixes, verdicts) if path is not None]
         self._files: list[TextIO] = []
         try:
@@ -68,7 +71,9 @@ class FixesWriter:
             self.discard()
             raise
         self._rows = [csv.writer(file, lineterminator="\n") for file in self._files]
-        for rows, columns in zip(self._rows, (FIX_COLUMNS, VERDICT_COLUMNS), strict=False):
+        for rows, columns in zip(
+            self._rows, (FIX_COLUMNS + CHAINAGE_COLUMNS * chainage, VERDICT_COLUMNS), strict=False
+        ):
             rows.writerow(columns)
 
     def write_fixes(self, fixes: Iterable[Fix]) -> None:
@@ -88,6 +93,7 @@ class FixesWriter:
                 fix.satellites_used,
                 fix.satellites_flagged,
                 _number(fix.bound_m, 2),
+                *((_number(fix.chainage_m, 3), _number(fix.chainage_bound_m, 2)) if self._chainage else ()),
             )
             for fix in fixes
         )
@@ -172,7 +178,11 @@ def read_fixes(path: Path, name: str) -> FixTrack:
         ]
     )
     fixed = np.array([row["status"] == "fix" for row in rows]) & np.isfinite(figures[:, 1:3]).all(axis=1)
-    return FixTrack(name, figures[:, 0], fixed, *figures[:, 1:].T)
+    bound_m = None
+    if "bound_m" in rows[0]:
+        bound_m = np.array([_figure(path, line, row, "bound_m", missing=True) for line, row in enumerate(rows, 2)])
+    lat_deg, lon_deg, h_m = figures[:, 1:].T
+    return FixTrack(name, figures[:, 0], fixed, lat_deg, lon_deg, h_m, bound_m)
 
 
 def read_truth(path: Path) -> Polyline:

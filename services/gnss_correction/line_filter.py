@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from schemas.gnss import FixStatus
+from services.gnss_correction.line_belonging import Belonging
 from services.gnss_correction.line_coasting import Coasting
 from services.gnss_correction.line_likelihood import (
     CLOCK,
@@ -54,14 +55,18 @@ CLOCK_STEP_M: Final = 0.3
 RENEWAL_S: Final = 8.0
 RENEWAL_M: Final = 10.0
 """After this time, or this way, a satellite's error is another one: reflections live as long."""
+RATE_RENEWAL_S: Final = 0.7
+"""The same for the errors of Doppler."""
 FEWEST_SIGHTS: Final = 3
 """A place needs two satellites and their clock; the third is for their errors."""
-FEWEST_TO_START: Final = 5
+FEWEST_TO_START: Final = 4
 COARSE_M: Final = 8.0
 """Steps in which the whole line is searched at first."""
 WORST_SEED: Final = 40.0
 """Cost above the best at which a coarse place is no candidate any more."""
 SEARCH_AGAIN_S: Final = 1.0
+AWAY_SEARCH_S: Final = 10.0
+"""While the train is not on the line, the whole line is searched again after this time."""
 LONGEST_STEP_S: Final = 3.0
 """A longer time without measurements is bridged in one piece."""
 LOST_M: Final = 150.0
@@ -69,6 +74,8 @@ LOST_M: Final = 150.0
 FALLING_ODDS: Final = math.exp(-8.0)
 """Of two hypotheses on the same ground in opposite directions the one that runs towards rising axis_m is named,
 until this is outweighed; the bound covers both all the same."""
+STAYING_ODDS: Final = math.exp(6.0)
+"""A passage once named is left only for one that is so much likelier."""
 BOUND_SIGMAS: Final = 5.0
 BOUND_FLOOR_M: Final = 5.0
 MOST_WHEEL_CHANGE_MPS2: Final = 2.5
@@ -81,8 +88,21 @@ WORST_RATE_LEVEL: Final = 0.8
 LOST_DRIFT_M2PS2: Final = 1e6
 JUMP_M2: Final = 1e4
 NO_WHEEL: Final = np.array([np.nan, np.nan])
+NOWHERE: Final = np.full(3, np.nan)
 MODE_REACH_M: Final = 40.0
-RISK: Final = 1e-5
+RISK: Final = 1e-3
+"""Probability beyond the tail from which the bound is made."""
+PASSAGE_RISK: Final = 1e-8
+"""The same for being on another passage of the line altogether."""
+TAIL_FACTOR: Final = 2.6
+"""From that tail to a bound: errors of satellites last, and the probabilities know it only in part."""
+DOUBTFUL_LEVEL: Final = 0.33
+"""Share of disagreement above which the place itself is doubted."""
+LEVEL_S: Final = 3.0
+DOUBT_AGAIN_S: Final = 2.0
+DOUBT_REACH_M: Final = 150.0
+DOUBT_MASS: Final = 1e-4
+DOUBT_SPEED_MPS: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,33 +138,50 @@ class LineFilter:
         self._wheel_mps = math.nan
         self._searched_s = -math.inf
         self._sights = np.zeros(64, SIGHT)
+        self._fresh_rate = 1.0
+        self._free_m = NOWHERE
+        self._level = 0.0
+        self._belonging = Belonging()
+        self._doubted_s = -math.inf
         self._best = LineEstimate("none", "no epoch yet")
 
-    def epoch(self, t_s: float, rows: Records, rules: Any, wheel_mps: float = math.nan) -> LineEstimate:  # noqa: ANN401 - numpy record
+    def epoch(
+        self,
+        t_s: float,
+        tow_s: float,
+        rows: Records,
+        rules: Any,  # noqa: ANN401 - numpy record
+        free_m: Float64s = NOWHERE,
+        wheel_mps: float = math.nan,
+    ) -> LineEstimate:
         """Estimate at one epoch.
 
-        `rows` (dtype ROW) are those of the epoch; directions and rejections are completed. `t_s`
-        must rise; `wheel_mps` is the speed by the wheels without a sign, NaN where there is none.
+        `rows` (dtype ROW) are those of the epoch; directions and rejections are completed. `t_s`,
+        in any one count, must rise; `tow_s` is the time of week for the air; `free_m` (3,) is the fix
+        without the line, Earth-fixed, NaN where there is none;
+        `wheel_mps` is the speed by the wheels without a sign, NaN where there is none.
         """
+        self._free_m = free_m
         dt_s = t_s - self._t_s if self._windows else 0.0
         self._t_s = t_s
+        self._fresh_rate = min(1.0, dt_s / RATE_RENEWAL_S) if self._windows else 1.0
         if self._windows:
             self._coasting.go(dt_s, ACCELERATION_MPS)
             if math.isfinite(wheel_mps):
                 self._coasting.roll(wheel_mps * self.scale.scale, self.scale.sigma, dt_s)
-        sights = self._take(rows, t_s, rules)
+        sights = self._take(rows, tow_s, rules)
         if len(sights) < (FEWEST_SIGHTS if self._windows else FEWEST_TO_START):
             return self._predicted(f"{len(sights)} usable of {len(rows)} satellites")
         if not self._windows or self._coasting.sigma_m > LOST_M:
             return self._search(sights)
         return self._follow(sights, wheel_mps)
 
-    def _take(self, rows: Records, t_s: float, rules: Any) -> Records:  # noqa: ANN401 - numpy record
+    def _take(self, rows: Records, tow_s: float, rules: Any) -> Records:  # noqa: ANN401 - numpy record
         """The satellites of an epoch as cells see them, from about where the train is."""
         if len(rows) > len(self._sights):
             self._sights = np.zeros(2 * len(rows), SIGHT)
         around_m = self._best.axis_m if self._windows else self.axis.length_m / 2.0
-        count = take_sights(rows, self.axis.at(around_m), t_s, rules, self._sights)
+        count = take_sights(rows, self.axis.at(around_m), tow_s, rules, self._sights)
         return self._sights[:count]
 
     def _predicted(self, reason: str) -> LineEstimate:
@@ -236,7 +273,7 @@ class LineFilter:
     ) -> Float64s:
         cost = np.zeros(len(places_m))
         points, tangents = cells_at(self._table, places_m)
-        weigh_cells(points, tangents, states, sights, fresh, wheel, cost)
+        weigh_cells(points, tangents, states, sights, fresh, self._fresh_rate, wheel, cost)
         return cost
 
     def _update(self, sights: Records, fresh: float, wheel: Float64s) -> None:
@@ -249,9 +286,17 @@ class LineFilter:
 
     def _main(self) -> Window:
         """The window that is believed."""
-        return max(
-            self._windows, key=lambda one: one.total * (FALLING_ODDS if one.speed_mps < -DIRECTION_KNOWN_MPS else 1.0)
+        return max(self._windows, key=self._belief)
+
+    def _belief(self, window: Window) -> float:
+        """Probability of a window, with what a passage has ahead that runs towards rising axis_m or was believed."""
+        falls = window.speed_mps < -DIRECTION_KNOWN_MPS
+        expected_m = self._best.axis_m + self._coasting.distance_m
+        reach_m = DOUBT_REACH_M + self._coasting.sigma_m
+        stays = abs(self._best.speed_mps) > DIRECTION_KNOWN_MPS and (
+            window.start_m - reach_m < expected_m < window.start_m + len(window.mass) + reach_m
         )
+        return window.total * (FALLING_ODDS if falls else 1.0) * (STAYING_ODDS if stays else 1.0)
 
     def _repair(self, sights: Records) -> None:
         """Take out what all satellites say of the receiver's clock at once: steps of clock and of drift."""
@@ -268,6 +313,15 @@ class LineFilter:
                 one.states[:, VAR_SPEED] += 4.0
                 one.states[:, VAR_DRIFT] += LOST_DRIFT_M2PS2
 
+    def _doubt(self, sigma_state: Float64s) -> None:
+        """Give the neighbourhood a little probability anew, so that a place believed wrongly can be left."""
+        self._doubted_s = self._t_s
+        fresh = even(round(self._best.axis_m - DOUBT_REACH_M), 2 * int(DOUBT_REACH_M) + 1)
+        fresh.mass *= DOUBT_MASS / len(fresh.mass)
+        fresh.states[:, :CLOCK] = sigma_state[:CLOCK]
+        fresh.states[:, VAR_SPEED] += DOUBT_SPEED_MPS**2
+        self._windows.append(fresh)
+
     def _answer(self, sights: Records) -> LineEstimate:
         """Settle the windows and say where the train is."""
         self._windows = tidy(self._windows, self.axis.length_m)
@@ -283,16 +337,29 @@ class LineFilter:
         speed_mps = float(mass @ states[:, SPEED]) / float(mass.sum())
         point, tangent = cells_at(self._table, main.places_m[best : best + 1])
         level = level_of(point[0], tangent[0], main.states[best], sights)
+        self._belonging.take(point[0], tangent[0], sights, level, self._free_m, self._coasting.time_s)
+        self._level += (level - self._level) * min(1.0, max(self._coasting.time_s, 0.01) / LEVEL_S)
+        inflation = 1.0 + max(0.0, self._level - DOUBTFUL_LEVEL) / 0.1
         self._coasting = Coasting(speed_mps, float(states[:, VAR_SPEED] @ mass) / float(mass.sum()))
-        tail_m = tail_bound_m(self._windows, axis_m, RISK)
+        tail_m = TAIL_FACTOR * inflation * tail_bound_m(self._windows, axis_m, RISK)
+        passage_m = tail_bound_m(self._windows, axis_m, PASSAGE_RISK)
+        if passage_m > DOUBT_REACH_M + MODE_REACH_M:
+            tail_m = max(tail_m, passage_m)
         self._best = LineEstimate(
             "fix",
             "",
             min(max(axis_m, 0.0), self.axis.length_m),
-            BOUND_FLOOR_M + 2.0 * tail_m,
+            BOUND_FLOOR_M + tail_m,
             speed_mps,
             len(sights),
             level,
             sigma_m,
         )
+        if self._level > DOUBTFUL_LEVEL and self._t_s - self._doubted_s > DOUBT_AGAIN_S:
+            self._doubt(main.states[best])
+        denial = self._belonging.denial()
+        if denial:
+            if self._t_s - self._searched_s > AWAY_SEARCH_S:
+                self._windows = []
+            return LineEstimate("none", denial, used=len(sights), level=level)
         return self._best

@@ -46,8 +46,6 @@ REACH: Final = 2.0
 """`a` of the weight function: cost never exceeds its square."""
 TANGENT_RAD: Final = 0.05
 """How far the train's course may differ from the direction of the axis (3 degrees)."""
-RATE_SHARE: Final = 0.3
-"""Share of the cost of Doppler that counts for the place: its errors last for some epochs too."""
 ROUNDS: Final = 4
 
 SIGHT: Final = np.dtype(
@@ -226,21 +224,22 @@ def weigh_cells(
     states: Float64s,
     sights: Records,
     fresh: float,
+    fresh_rate: float,
     wheel: Float64s,
     cost: Float64s,
 ) -> None:
     """Bring the filters of cells up to date with one epoch, and give every cell its `cost` (n,).
 
     `places`, `tangents` (n, 3) Earth-fixed, `states` (n, STATES). `fresh` is the share of the
-    pseudoranges' information that earlier epochs did not already bring. Cells whose cost comes in
-    as infinite are left as they are. A cost is minus twice a log-likelihood.
+    pseudoranges' information that earlier epochs did not already bring, `fresh_rate` that of Doppler
+    for the place. Cells whose cost comes in as infinite are left as they are. A cost is minus twice a log-likelihood.
     """
     spare = np.empty(max(sights.size, 1))
     for i in range(places.shape[0]):
         if np.isinf(cost[i]):
             continue
         _look(sights, places[i, 0], places[i, 1], places[i, 2], tangents[i])
-        total = RATE_SHARE * _fit_speed(sights, states[i], wheel, spare)
+        total = fresh_rate * _fit_speed(sights, states[i], wheel, spare)
         for system in range(MOST_SYSTEMS):
             total += _fit_clock(sights, states[i], system, fresh, spare)
         cost[i] = total

@@ -2,22 +2,24 @@
 
 Each epoch is solved from all its pseudoranges first, because the detector wants elevations;
 then judged; then solved again without (`remove`) or with substituted pseudoranges (`adjust`)
-of the satellites held for multipath; `robust` filters all of them instead.
+of the satellites held for multipath; `robust` filters all of them instead, `line` along a known line.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from schemas.gnss import Ephemeris, Epoch, Ionosphere, Method
-from schemas.gnss_time import gps_from_unix_ns, unix_ns_from_gps
+from schemas.gnss_time import WEEK_S, gps_from_unix_ns, unix_ns_from_gps
 from schemas.thresholds import Thresholds
 from services.gnss_correction.carrier_smoothing import CarrierSmoother
 from services.gnss_correction.ephemeris_store import EphemerisStore
 from services.gnss_correction.epoch_order import EpochOrder
 from services.gnss_correction.fix_messages import Corrected, Solution
+from services.gnss_correction.line_method import Line, LineInput, LineMethod, LinePlacing
 from services.gnss_correction.multipath import Judgement, MultipathDetector, Sight
 from services.gnss_correction.multipath_evidence import EvidenceGatherer
 from services.gnss_correction.preparation import Prepared, SignalStrengths, prepare
@@ -61,11 +63,16 @@ class Correction:
     """Corrects the epochs of one receiver, in the order in which they come."""
 
     def __init__(
-        self, config: Config, methods: Sequence[Method] | None = None, thresholds: Thresholds | None = None
+        self,
+        config: Config,
+        methods: Sequence[Method] | None = None,
+        thresholds: Thresholds | None = None,
+        line: Line | None = None,
     ) -> None:
         """Solve by `methods`; by default the configured one and those to compare.
 
-        `thresholds` of the receiver's own go before those of the settings.
+        `thresholds` of the receiver's own go before those of the settings. On a known `line` every fix
+        has a chainage; without one the method `line` cannot be asked for (ValueError).
         """
         self.config = config
         self.methods: tuple[Method, ...] = tuple(dict.fromkeys(methods or (config.method, *config.compare)))
@@ -76,6 +83,11 @@ class Correction:
         self._solvers: dict[Method, Solver] = {method: Solver() for method in ("original", *self.methods)}
         self._smoothers = {m: CarrierSmoother(config.smooth_s) for m in self._solvers if config.smooth_s > 0.0}
         self._robust = RobustFilter(config.acceleration_mps2, config.bound_factor)
+        if line is None and "line" in self.methods:
+            msg = "the method line needs a line"
+            raise ValueError(msg)
+        self._line = LineMethod(line) if line is not None and "line" in self.methods else None
+        self._placings = {m: LinePlacing(line.geometry) for m in self._solvers} if line is not None else {}
         self._common_m = COMMON_WITHOUT_IONOSPHERE_M
         self._rules = np.zeros(1, RULES)
         self._rules["by_cn0"] = config.weights == "cn0"
@@ -110,8 +122,11 @@ class Correction:
         for method in self.methods:
             if method == "robust":
                 solutions[method] = robust
+            elif method == "line":
+                solutions[method] = self._follow(prepared, refused, table.gps_week, robust)
             elif method != "original":
                 solutions[method] = self._solve(method, prepared, _altered(method, prepared.rows, judgements))
+        self._place(solutions, prepared, table.gps_week)
         if t_ns is None:
             t_ns = [unix_ns_from_gps(week, tow_s) for week, tow_s in zip(weeks, tows_s, strict=True)]
         times = [
@@ -153,6 +168,25 @@ class Correction:
             self._smoothers["robust"].smooth(prepared.first_row, prepared.t_s, rows)
         given = RobustInput(prepared.first_row, prepared.t_s + seconds_of_week(gps_week), refused, rows, first.epochs)
         return Solution(self._robust.solve(given, self._rules[0], self._common_m), rows)
+
+    def _follow(self, prepared: Prepared, refused: Bools, gps_week: int, free: Solution) -> Solution:
+        """Solutions along the line; it is held against those that know nothing of it."""
+        if self._line is None:
+            msg = "the method line needs a line"
+            raise ValueError(msg)
+        rows = prepared.rows.copy()
+        gps_s = prepared.t_s + gps_week * float(WEEK_S)
+        given = LineInput(prepared.first_row, prepared.t_s, gps_s, refused, rows, free.epochs)
+        epochs, reasons = self._line.solve(given, self._rules[0])
+        return Solution(epochs, rows, reasons)
+
+    def _place(self, solutions: dict[Method, Solution], prepared: Prepared, gps_week: int) -> None:
+        """Give the fixes of the other methods their chainage."""
+        gps_s = prepared.t_s + gps_week * float(WEEK_S)
+        for method, placing in self._placings.items():
+            if method in self.methods and method != "line":
+                placed = placing.place(solutions[method].epochs, gps_s)
+                solutions[method] = replace(solutions[method], epochs=placed)
 
     def _judge(self, prepared: Prepared, seen: Records) -> tuple[list[Judgement | None], list[int]]:
         """Judgement of every row, and the number of flagged satellites of each epoch."""

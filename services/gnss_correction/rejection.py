@@ -35,6 +35,7 @@ class Outcome(IntEnum):
     ABSURD_PLACE = 4
     CONTRADICTION = 5
     PREDICTED = 6
+    OFF_LINE = 7
 
 
 REJECTION_WORDS = {
@@ -63,4 +64,5 @@ OUTCOME_WORDS = {
     Outcome.ABSURD_PLACE: "absurd place",
     Outcome.CONTRADICTION: "contradicting pseudoranges",
     Outcome.PREDICTED: "predicted",
+    Outcome.OFF_LINE: "not on the line",
 }

@@ -10,20 +10,24 @@ import numpy as np
 from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere
 from schemas.topics import GNSS_COMPARISON, GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_FIX, GNSS_IONOSPHERE, GNSS_VERDICT
 from services.gnss_correction.fix_messages import fixes_of
+from services.gnss_correction.line_method import Line, warm_up
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.settings import Config
 from services.gnss_correction.thresholds_file import read_thresholds
 from services.gnss_correction.verdict_messages import verdicts_of
+from services.line.line_file import read_line
 from services.runtime.node import Node, Service
 
 MOST_DEVICES: Final = 16
 """Receivers of one train; more are a mistake in somebody's keys."""
 
 
-def _warm_up(config: Config) -> None:
+def _warm_up(config: Config, line: Line | None) -> None:
     """Compile the kernels, or load them from their cache, before the first epoch waits for them."""
     nothing, no_bits = np.empty(0), np.empty(0, np.uint8)
-    Correction(config).epoch(
+    if line is not None:
+        warm_up(line)
+    Correction(config, line=line).epoch(
         Epoch(
             t_ns=0,
             gps_week=0,
@@ -66,7 +70,10 @@ async def _answer(node: Node, device: str, correction: Correction, epoch: Epoch)
 async def run(node: Node, config: Config) -> None:
     """Answer epochs until asked to stop; every epoch gets a fix or a reason."""
     arrivals = node.arrivals(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE)
-    await node.in_thread(lambda: _warm_up(config))
+    line = None
+    if config.line_file:
+        line = Line(await node.in_thread(lambda: read_line(Path(config.line_file))))
+    await node.in_thread(lambda: _warm_up(config, line))
     thresholds = None
     if config.thresholds_file:
         thresholds = await node.in_thread(lambda: read_thresholds(Path(config.thresholds_file)))
@@ -78,7 +85,7 @@ async def run(node: Node, config: Config) -> None:
             if len(corrections) == MOST_DEVICES:
                 node.health.refuse(f"more than {MOST_DEVICES} receivers: {device}", node.clock.monotonic_s())
                 continue
-            corrections[device] = Correction(config, thresholds=thresholds)
+            corrections[device] = Correction(config, thresholds=thresholds, line=line)
         match arrival.message:
             case Epoch() as epoch:
                 await _answer(node, device, corrections[device], epoch)

@@ -17,10 +17,13 @@ Positive = Annotated[float, Meta(gt=0.0)]
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How positions are made of epochs. The paper is Yoshinaga et al. 2008."""
 
-    method: Method = "adjust"
+    method: Method = "robust"
     """What is published as the fix: `original` uses every satellite, `remove` leaves out those held for multipath,
     `adjust` puts the pseudorange that was to be expected in place of theirs; `robust` filters pseudoranges and
-    Dopplers with robust weights and bounds its error."""
+    Dopplers with robust weights and bounds its error; `line` follows the train along `line_file`."""
+    line_file: str = ""
+    """Line file (JSON) or CSV polyline of the line on which the train runs: for `line`, and for the chainage of fixes
+    by every other method."""
     compare: tuple[Method, ...] = ("original", "remove")
     """Other methods whose fixes are published beside it."""
     systems: Annotated[str, Meta(pattern="^[GRECJ]{1,5}$")] = "GRECJ"
@@ -42,7 +45,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """How old a fix may be whose height is held; 0 holds none."""
     acceleration_mps2: Annotated[float, Meta(gt=0.0, le=50.0)] = 1.0
     """Density of the horizontal acceleration in `robust` per root hertz: trains start and brake at about this."""
-    bound_factor: Annotated[float, Meta(ge=1.0, le=10.0)] = 5.0
+    bound_factor: Annotated[float, Meta(ge=1.0, le=10.0)] = 4.4
     """Standard deviations in the horizontal bound of `robust`."""
     threshold_m: Positive = 0.45
     """A change of pseudorange per 0.2 s that differs from its mean by more is held for multipath (paper, 4.4)."""

@@ -14,14 +14,17 @@ import numpy as np
 from schemas.gnss_time import NS, WEEK_S, unix_ns_from_gps
 from services.gnss_correction.fix_messages import Corrected, fixes_of
 from services.gnss_correction.fixes_file import FixesWriter
+from services.gnss_correction.line_method import Line
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.rejection import OUTCOME_WORDS, Outcome
 from services.gnss_correction.settings import Config
 from services.gnss_correction.thresholds_file import read_thresholds
 from services.gnss_correction.verdict_messages import verdicts_of
+from services.gnss_correction.wheel_file import read_wheel
 from services.gnss_receiver.observations import FileIssue, Navigation, Observations
 from services.gnss_receiver.rinex_navigation_file import read_navigation
 from services.gnss_receiver.rinex_observation_file import read_observations
+from services.line.line_file import read_line
 
 BLOCK_EPOCHS: Final = 2_000
 """Epochs solved at a time: memory stays bounded, and progress is seen."""
@@ -82,10 +85,18 @@ def _require_cover(config: Config, observations: Observations, navigation: Navig
         raise SolveError(msg)
 
 
-def _informed(config: Config, navigation: Navigation) -> Correction:
+def _line(config: Config, wheel: Path | None, observations: Observations) -> Line | None:
+    """The line on which the train runs, with its wheels, where they are given."""
+    if not config.line_file:
+        return None
+    first_s = float(observations.gps_week[0] * WEEK_S + observations.tow_s[0])
+    return Line(read_line(Path(config.line_file)), read_wheel(wheel, first_s) if wheel is not None else None)
+
+
+def _informed(config: Config, navigation: Navigation, line: Line | None) -> Correction:
     """A pipeline that knows what was broadcast."""
     thresholds = read_thresholds(Path(config.thresholds_file)) if config.thresholds_file else None
-    correction = Correction(config, (config.method,), thresholds)
+    correction = Correction(config, (config.method,), thresholds, line)
     for ephemeris in navigation.ephemerides:
         correction.add(ephemeris)
     if navigation.ionosphere is not None:
@@ -116,11 +127,13 @@ def solve_file(
     out: Path,
     verdicts: Path | None = None,
     progress: Callable[[float], None] | None = None,
+    wheel: Path | None = None,
 ) -> Solved:
     """Solve a recording by the configured method and write the files.
 
-    `progress` gets the fraction done. Raises RinexError for files that are none, SolveError when
-    nothing can be solved at all (then nothing is written), OSError.
+    `progress` gets the fraction done; `wheel` is a file of speeds by the wheels for the method `line`.
+    Raises RinexError for files that are none, LineFileError and WheelFileError likewise, SolveError
+    when nothing can be solved at all (then nothing is written), OSError.
     """
     navigation = read_navigation(navigation_paths)
     observations = read_observations(rover)
@@ -128,8 +141,8 @@ def solve_file(
         msg = f"{rover}: no epoch that can be read"
         raise SolveError(msg)
     _require_cover(config, observations, navigation, ", ".join(str(path) for path in navigation_paths))
-    correction = _informed(config, navigation)
-    writer = FixesWriter(out, verdicts)
+    correction = _informed(config, navigation, _line(config, wheel, observations))
+    writer = FixesWriter(out, verdicts, chainage=bool(config.line_file))
     fixes, flagged, reasons = 0, 0, Counter[str]()
     try:
         done = 0

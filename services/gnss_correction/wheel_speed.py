@@ -14,9 +14,11 @@ OLDEST_S: Final = 0.6
 """An older wheel speed says nothing of the present."""
 EARLY_S: Final = 0.005
 """Stamps of one instant, written by different means, differ by less."""
-SLOWEST_TO_LEARN_MPS: Final = 2.0
-LEARNING_M: Final = 500.0
+SLOWEST_TO_LEARN_MPS: Final = 3.0
+LEARNING_M: Final = 3_000.0
 """Way over which the scale is averaged."""
+TRUSTED_M: Final = 500.0
+"""What the wheels themselves are worth beside it."""
 WIDEST_SCALE: Final = 0.05
 """Worn wheels and wrong diameters come to a few per cent; more is not believed."""
 
@@ -48,7 +50,7 @@ class WheelScale:
     @property
     def sigma(self) -> float:
         """Standard deviation of the scale: 2 per cent at first, half a per cent at last."""
-        return max(0.02 / math.sqrt(1.0 + self.learnt_m / 30.0), 0.005)
+        return max(0.02 / math.sqrt(1.0 + self.learnt_m / TRUSTED_M), 0.005)
 
     def learn(self, doppler_mps: float, wheel_mps: float, dt_s: float) -> None:
         """Take in a speed by Doppler beside that of the wheels; contradictions (slip, slide) teach nothing."""
@@ -56,6 +58,6 @@ class WheelScale:
             return
         way_m = wheel_mps * dt_s
         self.learnt_m = min(self.learnt_m + way_m, LEARNING_M)
-        gain = way_m / (self.learnt_m + 60.0)
+        gain = way_m / (self.learnt_m + TRUSTED_M)
         self.scale += gain * (doppler_mps / wheel_mps - self.scale)
         self.scale = min(max(self.scale, 1.0 - WIDEST_SCALE), 1.0 + WIDEST_SCALE)

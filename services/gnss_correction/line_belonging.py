@@ -1,0 +1,93 @@
+"""Whether the train is on the line at all: do the satellites agree there, and would they agree better beside it.
+
+At the believed place, and at some distances to both sides of it, receiver clocks are fitted to the
+pseudoranges of the epoch alone, and their disagreement is taken (0: all agree, 1: none does). Reflections
+make satellites disagree everywhere; a train beside the line makes them agree elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from services.gnss_correction.kernel import kernel
+from services.gnss_correction.line_likelihood import level_of, weigh_cells
+from services.gnss_correction.line_windows import even
+from services.gnss_correction.solver_arrays import Float64s, Records
+
+ASIDE_M: Final = np.array([0.0, -320.0, -160.0, -80.0, -40.0, 40.0, 80.0, 160.0, 320.0])
+"""Where to look: the line itself, then to the right and to the left of it."""
+AVERAGING_S: Final = 10.0
+CLEARLY_BETTER: Final = 0.2
+"""By so much less disagreement beside the line, the train is beside it."""
+HOPELESS: Final = 0.6
+"""So much disagreement with the place and the clocks followed so far, and the train is elsewhere: even deep among
+buildings half the satellites agree on the truth."""
+FAR_M: Final = 80.0
+"""A free fix that stays further away than reflections take one,"""
+SUSPICIOUS: Final = 0.4
+"""while satellites also disagree this much, tells the same."""
+RELIEF: Final = 0.8
+"""Once denied, the limits are this share of themselves."""
+_NO_WHEEL: Final = np.array([np.nan, np.nan])
+
+
+@kernel
+def _levels(points: Float64s, tangents: Float64s, states: Float64s, sights: Records, levels: Float64s) -> None:
+    """Disagreement at each point with the states fitted there."""
+    for i in range(points.shape[0]):
+        levels[i] = level_of(points[i], tangents[i], states[i], sights)
+
+
+class Belonging:
+    """Averages the disagreement on and beside the line, and the distance of free fixes from the believed place."""
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self._levels = np.zeros(len(ASIDE_M))
+        self._followed = 0.0
+        self._away_m = 0.0
+        self._known_s = 0.0
+        self._denied = False
+
+    def take(
+        self, point: Float64s, tangent: Float64s, sights: Records, followed: float, free: Float64s, dt_s: float
+    ) -> None:
+        """Take in an epoch at the believed place (3,), Earth-fixed like the tangent there.
+
+        `followed` is the disagreement with the clocks followed so far, `free` (3,) the fix that knows
+        nothing of the line, NaN where there is none.
+        """
+        left = np.cross(point / np.linalg.norm(point), tangent)
+        points = point + ASIDE_M[:, None] * left
+        tangents = np.tile(tangent, (len(ASIDE_M), 1))
+        states = even(0.0, len(ASIDE_M)).states
+        weigh_cells(points, tangents, states, sights, 1.0, 0.0, _NO_WHEEL, np.zeros(len(ASIDE_M)))
+        levels = np.empty(len(ASIDE_M))
+        _levels(points, tangents, states, sights, levels)
+        self._known_s = min(self._known_s + max(dt_s, 0.1), AVERAGING_S)
+        gain = min(1.0, max(dt_s, 0.1) / self._known_s)
+        self._levels += (levels - self._levels) * gain
+        self._followed += (followed - self._followed) * gain
+        away_m = math.dist(free, point)
+        if math.isfinite(away_m):
+            self._away_m += (away_m - self._away_m) * gain
+
+    def denial(self) -> str:
+        """Why the train is not on the line; empty when it may well be."""
+        reason = self._reason(RELIEF if self._denied else 1.0)
+        self._denied = bool(reason)
+        return reason
+
+    def _reason(self, relief: float) -> str:
+        here, beside = float(self._levels[0]), int(np.argmin(self._levels))
+        if here - float(self._levels[beside]) > CLEARLY_BETTER * relief:
+            side = "left" if ASIDE_M[beside] > 0.0 else "right"
+            return f"not on the line: the satellites agree about {math.fabs(ASIDE_M[beside]):.0f} m {side} of it"
+        if self._followed > HOPELESS * relief:
+            return f"not on the line: {100.0 * self._followed:.0f} % disagreement of the satellites at its best place"
+        if self._away_m > FAR_M * relief and self._followed > SUSPICIOUS * relief:
+            return f"not on the line: free fixes are {self._away_m:.0f} m from its best place"
+        return ""
