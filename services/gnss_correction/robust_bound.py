@@ -38,7 +38,7 @@ COMMON_M: Final = 2.5
 COMMON_WITHOUT_IONOSPHERE_M: Final = 5.0
 """The same where nothing was broadcast about the ionosphere."""
 EXCESS_HELD_S: Final = 10.0
-SETTLING_S: Final = 5.0
+SETTLING_S: Final = 15.0
 FORGOTTEN_M: Final = 1e-4
 """A response this small is dropped."""
 

@@ -26,7 +26,7 @@ REFERENCE_LOSS_DB: Final = 9.0
 HALVING_DB: Final = 2.2
 MOST_LOSS_DB: Final = 25.0
 """Weaker signals are believed no less; their deviations are hundreds of metres already."""
-CODE_FLOOR_M: Final = 1.2
+CODE_FLOOR_M: Final = 1.8
 CODE_REFERENCE_M: Final = 4.0
 DOPPLER_FLOOR_MPS: Final = 0.05
 DOPPLER_REFERENCE_MPS: Final = 0.2

@@ -18,6 +18,8 @@ from services.gnss_correction.solver_arrays import Float64s
 from services.gnss_receiver.observations import satellite_name
 
 _USABLE, _MULTIPATH = int(Rejection.USABLE), int(Rejection.MULTIPATH)
+_JUDGED = (_USABLE, _MULTIPATH, int(Rejection.INCONSISTENT))
+"""Rows whose measurement was looked at, whatever became of it."""
 _CLEAN = "clean"
 _name = lru_cache(maxsize=1024)(satellite_name)
 
@@ -64,6 +66,8 @@ def _rejected_because(corrected: Corrected, seen: _Seen, i: int, t_s: float) -> 
             return f"{seen.strength_dbhz:.0f} dB-Hz below the mask of {config.cn0_mask_dbhz:g} dB-Hz"
         case Rejection.CONTRADICTS if seen.residual_m is not None:
             return f"contradicts the other satellites by {abs(seen.residual_m) / 1000.0:.1f} km"
+        case Rejection.INCONSISTENT if seen.residual_m is not None:
+            return f"{REJECTION_WORDS[Rejection.INCONSISTENT]} by {seen.residual_m:+.1f} m"
         case rejection:
             return REJECTION_WORDS[rejection]
 
@@ -99,7 +103,7 @@ def _verdict(
     if seen.rejection not in (_USABLE, _MULTIPATH):
         rejected = _rejected_because(corrected, seen, i, t_s)
         reason = f"{rejected}; {reason}" if flagged else rejected
-    elif judgement is not None and belief.probability[i] >= LIKELY:
+    if seen.rejection in _JUDGED and judgement is not None and belief.probability[i] >= LIKELY:
         likely = f"probably reflected: {evidence_in_words(corrected.evidence[i], belief.added[i])}"
         reason = likely if reason == _CLEAN else f"{reason}; {likely}"
     return SatelliteVerdict(

@@ -79,14 +79,15 @@ def test_every_epoch_is_answered_by_every_method() -> None:
     epochs = drive()
     heard = replay_through(recording(epochs), [SERVICE])
     assert len(heard) == 4 * len(epochs)
-    primary = [fix for fix in fixes(heard) if fix.method == "adjust"]
+    primary = [fix for fix in fixes(heard) if fix.method == "robust"]
     assert [fix.tow_s for fix in primary] == [epoch.tow_s for epoch in epochs]
     assert [fix.t_ns for fix in primary] == [epoch.t_ns for epoch in epochs]
     original, remove = fixes(heard, method="original"), fixes(heard, method="remove")
     assert (len(original), len(remove)) == (len(epochs), len(epochs))
     assert off_by_m(original[10]) > 5.0
     assert off_by_m(remove[10]) < 0.01
-    assert off_by_m(primary[10]) < 0.1
+    # Weights hold the reflected signal back, they do not take it out.
+    assert off_by_m(primary[10]) < 0.5
     verdicts = [decode(Verdicts, s.payload) for s in heard if s.key == GNSS_VERDICT.at(TRAIN, device="front")]
     assert [sum(one.flagged for one in epoch.satellites) for epoch in verdicts] == [0] * 10 + [1] * 6
 
@@ -121,7 +122,7 @@ def test_method_and_comparison_are_settings() -> None:
 def test_ephemerides_may_come_late() -> None:
     epochs = drive(reflected_from=16)
     samples = [epoch_sample(epochs[0]), *broadcast(t_ns=epochs[1].t_ns - 1), *map(epoch_sample, epochs[1:])]
-    primary = [fix for fix in fixes(replay_through(samples, [SERVICE])) if fix.method == "adjust"]
+    primary = [fix for fix in fixes(replay_through(samples, [SERVICE])) if fix.method == "robust"]
     assert [fix.status for fix in primary] == ["none"] + ["fix"] * 15
     assert "no ephemeris" in primary[0].reason
 
@@ -130,7 +131,7 @@ def test_a_recording_that_starts_over_is_followed_again() -> None:
     epochs = drive(reflected_from=16)
     again = [msgspec.structs.replace(one, t_ns=one.t_ns + 10**10) for one in epochs]
     heard = replay_through([*recording(epochs), *map(epoch_sample, again)], [SERVICE])
-    second = [fix.status for fix in fixes(heard) if fix.method == "adjust"][16:]
+    second = [fix.status for fix in fixes(heard) if fix.method == "robust"][16:]
     assert second == ["none"] * 4 + ["fix"] * 12
 
 

@@ -83,7 +83,7 @@ def test_the_summary_as_json(recording: Recording, tmp_path: Path) -> None:
     )
     assert code == 0
     summary = json.loads(told)
-    assert (summary["epochs"], summary["fixes"], summary["method"], summary["issues"]) == (EPOCHS, EPOCHS, "adjust", [])
+    assert (summary["epochs"], summary["fixes"], summary["method"], summary["issues"]) == (EPOCHS, EPOCHS, "robust", [])
 
 
 def test_settings_come_from_a_file(recording: Recording, tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_settings_that_are_wrong_are_named(recording: Recording, tmp_path: Path,
     ("options", "told"),
     [
         (("--systems", "X"), "--systems"),
-        (("--method", "robust"), "--method: expected one of adjust, original, remove"),
+        (("--method", "move"), "--method: expected one of adjust, line, original, remove, robust"),
         (("--weights", "none"), "--weights: expected one of cn0, elevation"),
     ],
 )
