@@ -41,14 +41,23 @@ def topics(*, as_json: JsonFlag = False) -> None:
         )
 
 
-def schema(topic: Annotated[str, typer.Argument(help="Short name as `kirotei topics` shows it, 'gnss/fix'.")]) -> None:
-    """Print the JSON schema of a topic's message.
+def schema(
+    topic: Annotated[
+        str, typer.Argument(help="Short name as `kirotei topics` shows it, 'gnss/fix', or a file: line, thresholds.")
+    ],
+) -> None:
+    """Print the JSON schema of a topic's message or of a file.
 
     Example: kirotei schema gnss/fix
     """
     from schemas.codec import json_schema
+    from schemas.files import file_schema
     from schemas.topics import TopicError, topic_named
 
+    of_file = file_schema(topic)
+    if of_file is not None:
+        typer.echo(json.dumps(of_file, indent=2, ensure_ascii=False))
+        return
     try:
         found = topic_named(topic)
     except TopicError as error:
