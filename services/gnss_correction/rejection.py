@@ -23,6 +23,7 @@ class Rejection(IntEnum):
     NO_SIGNAL = 12
     CONTRADICTS = 13
     INCONSISTENT = 14
+    UNCORRECTED = 15
 
 
 class Outcome(IntEnum):
@@ -54,6 +55,7 @@ REJECTION_WORDS = {
     Rejection.NO_SIGNAL: "no L1, E1 or B1I signal",
     Rejection.CONTRADICTS: "contradicts the other satellites by kilometres",
     Rejection.INCONSISTENT: "disagrees with the filter",
+    Rejection.UNCORRECTED: "without a correction where enough others have one",
 }
 
 OUTCOME_WORDS = {

@@ -35,6 +35,10 @@ _GIVEN: Final = (
     # carrier phase times wavelength; NaN where there is none; RINEX loss-of-lock indicator
     "carrier_m",
     "lock_lost",
+    # differential correction of the pseudorange, its standard deviation (0 where there is none), its age
+    "correction_m",
+    "correction_sigma_m",
+    "correction_age_s",
 )
 _FOUND: Final = ("elevation_rad", "azimuth_rad", "residual_m")
 _WORK: Final = ("line_x", "line_y", "line_z", "modelled_m", "variance_m2")
