@@ -10,14 +10,13 @@ the measurements decide between them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from schemas.gnss import FixStatus
 from services.gnss_correction.line_belonging import Belonging
 from services.gnss_correction.line_coasting import Coasting
+from services.gnss_correction.line_estimate import DOUBTFUL_LEVEL, LineEstimate, bound_of, mode_of
 from services.gnss_correction.line_likelihood import (
     CLOCK,
     SIGHT,
@@ -31,6 +30,7 @@ from services.gnss_correction.line_likelihood import (
     take_sights,
     weigh_cells,
 )
+from services.gnss_correction.line_wheels import DIRECTION_KNOWN_MPS, NO_WHEEL, Wheels
 from services.gnss_correction.line_windows import (
     OVERHANG_M,
     Window,
@@ -38,11 +38,9 @@ from services.gnss_correction.line_windows import (
     even,
     leap,
     move,
-    tail_bound_m,
     tidy,
 )
 from services.gnss_correction.solver_arrays import Float64s, Records
-from services.gnss_correction.wheel_speed import WheelScale
 from services.line.axis import Axis
 
 ACCELERATION_MPS: Final = 1.0
@@ -77,48 +75,20 @@ until this is outweighed; the bound covers both all the same."""
 STAYING_ODDS: Final = math.exp(6.0)
 """A passage once named is left only for one that is so much likelier."""
 BOUND_SIGMAS: Final = 5.0
-BOUND_FLOOR_M: Final = 5.0
-MOST_WHEEL_CHANGE_MPS2: Final = 2.5
-"""A faster change of the wheels' speed is slip or slide."""
-DIRECTION_KNOWN_MPS: Final = 0.4
-"""Below this speed the direction of running is not known, and the wheels do not tell it."""
-WHEEL_SIGMA_MPS: Final = 0.1
-WHEEL_RENEWAL_S: Final = 5.0
+"""Of the way since the last measurement, in the bound of a prediction."""
 WORST_RATE_LEVEL: Final = 0.8
+"""With so much disagreement of the Dopplers speed and drift are sought anew."""
+LOST_SPEED_M2PS2: Final = 4.0
 LOST_DRIFT_M2PS2: Final = 1e6
 JUMP_M2: Final = 1e4
-NO_WHEEL: Final = np.array([np.nan, np.nan])
-NOWHERE: Final = np.full(3, np.nan)
-MODE_REACH_M: Final = 40.0
-RISK: Final = 1e-3
-"""Probability beyond the tail from which the bound is made."""
-PASSAGE_RISK: Final = 1e-8
-"""The same for being on another passage of the line altogether."""
-TAIL_FACTOR: Final = 2.6
-"""From that tail to a bound: errors of satellites last, and the probabilities know it only in part."""
-DOUBTFUL_LEVEL: Final = 0.33
-"""Share of disagreement above which the place itself is doubted."""
+"""How uncertain a clock is after a jump that all satellites tell [m²]."""
 LEVEL_S: Final = 3.0
 DOUBT_AGAIN_S: Final = 2.0
 DOUBT_REACH_M: Final = 150.0
 DOUBT_MASS: Final = 1e-4
 DOUBT_SPEED_MPS: Final = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class LineEstimate:
-    """Where the train is on the line at one epoch, or why that is not known."""
-
-    status: FixStatus
-    reason: str
-    axis_m: float = math.nan
-    bound_m: float = math.nan
-    """Error along the axis that is vouched for."""
-    speed_mps: float = math.nan
-    """Towards rising axis_m."""
-    used: int = 0
-    level: float = math.nan
-    sigma_m: float = math.nan
+"""A doubted place: how often and how far around it others get a little probability, and how far speed may be off."""
+NOWHERE: Final = np.full(3, np.nan)
 
 
 class LineFilter:
@@ -127,7 +97,7 @@ class LineFilter:
     def __init__(self, axis: Axis) -> None:
         """Know nothing yet but the line."""
         self.axis = axis
-        self.scale = WheelScale()
+        self.wheels = Wheels()
         places = np.arange(-OVERHANG_M, axis.length_m + OVERHANG_M + 2.0)
         inside = np.clip(places, 0.0, axis.length_m)
         tangents = axis.tangent(places)
@@ -135,7 +105,6 @@ class LineFilter:
         self._windows: list[Window] = []
         self._coasting = Coasting(0.0, 0.0)
         self._t_s = -math.inf
-        self._wheel_mps = math.nan
         self._searched_s = -math.inf
         self._sights = np.zeros(64, SIGHT)
         self._fresh_rate = 1.0
@@ -168,7 +137,7 @@ class LineFilter:
         if self._windows:
             self._coasting.go(dt_s, ACCELERATION_MPS)
             if math.isfinite(wheel_mps):
-                self._coasting.roll(wheel_mps * self.scale.scale, self.scale.sigma, dt_s)
+                self._coasting.roll(self.wheels.rolled_mps(wheel_mps), self.wheels.scale.sigma, dt_s)
         sights = self._take(rows, tow_s, rules)
         if len(sights) < (FEWEST_SIGHTS if self._windows else FEWEST_TO_START):
             return self._predicted(f"{len(sights)} usable of {len(rows)} satellites")
@@ -219,9 +188,7 @@ class LineFilter:
         """Carry the windows to the present and weigh them."""
         coasting = self._coasting
         dt_s = coasting.time_s
-        rolled_mps = wheel_mps * self.scale.scale
-        change_mps = rolled_mps - self._wheel_mps
-        self._wheel_mps = rolled_mps
+        change_mps = self.wheels.change_mps(wheel_mps, dt_s)
         if dt_s > LONGEST_STEP_S:
             main_mps = self._best.speed_mps
             self._windows = [
@@ -236,37 +203,17 @@ class LineFilter:
             ]
             self._update(sights, 1.0, NO_WHEEL)
             return self._answer(sights)
-        wheels_tell = math.isfinite(change_mps) and abs(change_mps) <= MOST_WHEEL_CHANGE_MPS2 * dt_s
-        self._windows = [self._moved(one, dt_s, change_mps if wheels_tell else math.nan) for one in self._windows]
+        self._windows = [_moved(one, dt_s, change_mps) for one in self._windows]
         before = [one.speed_mps for one in self._windows]
         way_m = abs(self._best.speed_mps) * dt_s
         fresh = min(1.0, dt_s / RENEWAL_S + way_m / RENEWAL_M)
-        self._update(sights, fresh, self._wheel_measurement(rolled_mps, dt_s))
+        self._update(sights, fresh, self.wheels.measurement(wheel_mps, dt_s, self._best.speed_mps))
         for one, speed_mps in zip(self._windows, before, strict=True):
             one.start_m += 0.5 * (one.speed_mps - speed_mps) * dt_s
         answer = self._answer(sights)
         if math.isfinite(wheel_mps):
-            self.scale.learn(abs(answer.speed_mps), wheel_mps, dt_s)
+            self.wheels.scale.learn(abs(answer.speed_mps), wheel_mps, dt_s)
         return answer
-
-    @staticmethod
-    def _moved(window: Window, dt_s: float, change_mps: float) -> Window:
-        """A window after a step, its speeds changed as the wheels tell, half before and half after it."""
-        told = math.isfinite(change_mps) and abs(window.speed_mps) > DIRECTION_KNOWN_MPS
-        half_mps = math.copysign(0.5, window.speed_mps) * change_mps if told else 0.0
-        step_mps = (WHEEL_ACCELERATION_MPS if told else ACCELERATION_MPS) * math.sqrt(dt_s)
-        window.states[:, SPEED] += half_mps
-        moved = move(window, dt_s, step_mps, DRIFT_STEP_MPS * math.sqrt(dt_s), CLOCK_STEP_M * math.sqrt(dt_s))
-        moved.states[:, SPEED] += half_mps
-        return moved
-
-    def _wheel_measurement(self, rolled_mps: float, dt_s: float) -> Float64s:
-        """Speed by the wheels and its variance for one epoch; its error lasts, so that it counts little each time."""
-        slow = abs(self._best.speed_mps) < DIRECTION_KNOWN_MPS
-        if not math.isfinite(rolled_mps) or (slow and rolled_mps > DIRECTION_KNOWN_MPS):
-            return NO_WHEEL
-        variance = WHEEL_SIGMA_MPS**2 + (self.scale.sigma * rolled_mps) ** 2
-        return np.array([rolled_mps, variance * max(WHEEL_RENEWAL_S / dt_s, 1.0)])
 
     def _weighed(
         self, places_m: Float64s, states: Float64s, sights: Records, fresh: float, wheel: Float64s
@@ -310,7 +257,7 @@ class LineFilter:
                 one.states[:, CLOCK:VAR_CLOCK] += jump_m
                 one.states[:, VAR_CLOCK:] += JUMP_M2
             if lost:
-                one.states[:, VAR_SPEED] += 4.0
+                one.states[:, VAR_SPEED] += LOST_SPEED_M2PS2
                 one.states[:, VAR_DRIFT] += LOST_DRIFT_M2PS2
 
     def _doubt(self, sigma_state: Float64s) -> None:
@@ -329,37 +276,32 @@ class LineFilter:
             self._best = LineEstimate("none", "ran off the end of the line")
             return self._best
         main = self._main()
-        best = int(np.argmax(main.mass))
-        near = slice(max(best - int(MODE_REACH_M), 0), best + int(MODE_REACH_M) + 1)
-        mass, places, states = main.mass[near], main.places_m[near], main.states[near]
-        axis_m = float(mass @ places) / float(mass.sum())
-        sigma_m = math.sqrt(float(mass @ (places - axis_m) ** 2) / float(mass.sum()))
-        speed_mps = float(mass @ states[:, SPEED]) / float(mass.sum())
-        point, tangent = cells_at(self._table, main.places_m[best : best + 1])
-        level = level_of(point[0], tangent[0], main.states[best], sights)
-        self._belonging.take(point[0], tangent[0], sights, level, self._free_m, self._coasting.time_s)
-        self._level += (level - self._level) * min(1.0, max(self._coasting.time_s, 0.01) / LEVEL_S)
-        inflation = 1.0 + max(0.0, self._level - DOUBTFUL_LEVEL) / 0.1
-        self._coasting = Coasting(speed_mps, float(states[:, VAR_SPEED] @ mass) / float(mass.sum()))
-        tail_m = TAIL_FACTOR * inflation * tail_bound_m(self._windows, axis_m, RISK)
-        passage_m = tail_bound_m(self._windows, axis_m, PASSAGE_RISK)
-        if passage_m > DOUBT_REACH_M + MODE_REACH_M:
-            tail_m = max(tail_m, passage_m)
-        self._best = LineEstimate(
-            "fix",
-            "",
-            min(max(axis_m, 0.0), self.axis.length_m),
-            BOUND_FLOOR_M + tail_m,
-            speed_mps,
-            len(sights),
-            level,
-            sigma_m,
-        )
+        mode = mode_of(main)
+        point, tangent = cells_at(self._table, main.places_m[mode.cell : mode.cell + 1])
+        level = level_of(point[0], tangent[0], main.states[mode.cell], sights)
+        dt_s = max(self._coasting.time_s, 0.01)
+        self._belonging.take(point[0], tangent[0], sights, level, self._free_m, dt_s)
+        self._level += (level - self._level) * min(1.0, dt_s / LEVEL_S)
+        self._coasting = Coasting(mode.speed_mps, mode.speed_m2ps2)
+        bound_m = bound_of(self._windows, mode.axis_m, self._level, sights)
+        axis_m = min(max(mode.axis_m, 0.0), self.axis.length_m)
+        self._best = LineEstimate("fix", "", axis_m, bound_m, mode.speed_mps, len(sights), level, mode.sigma_m)
         if self._level > DOUBTFUL_LEVEL and self._t_s - self._doubted_s > DOUBT_AGAIN_S:
-            self._doubt(main.states[best])
+            self._doubt(main.states[mode.cell])
         denial = self._belonging.denial()
         if denial:
             if self._t_s - self._searched_s > AWAY_SEARCH_S:
                 self._windows = []
             return LineEstimate("none", denial, used=len(sights), level=level)
         return self._best
+
+
+def _moved(window: Window, dt_s: float, change_mps: float) -> Window:
+    """A window after a step, its speeds changed as the wheels tell, half before and half after it."""
+    told = math.isfinite(change_mps) and abs(window.speed_mps) > DIRECTION_KNOWN_MPS
+    half_mps = math.copysign(0.5, window.speed_mps) * change_mps if told else 0.0
+    step_mps = (WHEEL_ACCELERATION_MPS if told else ACCELERATION_MPS) * math.sqrt(dt_s)
+    window.states[:, SPEED] += half_mps
+    moved = move(window, dt_s, step_mps, DRIFT_STEP_MPS * math.sqrt(dt_s), CLOCK_STEP_M * math.sqrt(dt_s))
+    moved.states[:, SPEED] += half_mps
+    return moved

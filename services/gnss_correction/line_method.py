@@ -10,7 +10,8 @@ import numpy as np
 
 from services.gnss_correction.atmosphere import L1_HZ
 from services.gnss_correction.geodesy import ecef_from_geodetic, enu_from_ecef_rotation, geodetic_from_ecef
-from services.gnss_correction.line_filter import NOWHERE, LineEstimate, LineFilter
+from services.gnss_correction.line_estimate import LineEstimate
+from services.gnss_correction.line_filter import NOWHERE, LineFilter
 from services.gnss_correction.rejection import Outcome
 from services.gnss_correction.solver_arrays import ROW, RULES, SOLUTION, Bools, Float64s, Ints, Records
 from services.gnss_correction.wheel_speed import WheelSpeeds
