@@ -47,6 +47,6 @@ def warm_up(
         folder = Path(name)
         write_simulation(read_scenario("street_canyon"), folder, duration_s=SECONDS)
         for method in get_args(Method):
-            settings = Config(method=method, compare=())
+            settings = Config(method=method, compare=(), line_file=str(folder / "track_centreline.csv"))
             solve_file(folder / "rover.obs", [folder / "nav.rnx"], settings, folder / "fixes.csv")
     typer.echo("Done: services start without compiling.")
