@@ -13,7 +13,6 @@ help:
 	@echo "make bench   measure against peers  make lock    pin the dependencies anew (needs uv)"
 
 demo: $(READY)
-	@$(BIN)/kirotei warm-up
 	$(BIN)/kirotei demo
 
 test: $(READY)

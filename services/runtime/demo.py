@@ -55,6 +55,8 @@ def run_demo(seconds: float | None, language: Language, picture: Path | None = N
         "KIROTEI__LOG__FORMAT": "text",
     }
     console.print(f"Starting router, simulator and GNSS correction at {endpoint}; their log: {log}", soft_wrap=True)
+    if not any(Path(os.environ["NUMBA_CACHE_DIR"]).iterdir()):
+        console.print("The first start compiles the numerical kernels: about half a minute, once.")
     with log.open("wb") as output:
         up = subprocess.Popen(
             [sys.executable, "-m", "services.cli", "up"],
