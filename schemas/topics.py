@@ -186,6 +186,13 @@ GNSS_COMPARISON = Topic(
     5.0,
     "the same epoch solved by another method, to compare",
 )
+GNSS_CORRECTION = Topic(
+    "wayside/{wayside}/gnss/correction",
+    gnss.Corrections,
+    Delivery.STATE,
+    1.0,
+    "what is wrong with every satellite's pseudorange at a place beside the line",
+)
 TRAIN_TRUTH = Topic(
     "train/{train}/truth/{device}",
     position.TrainTruth,
@@ -210,6 +217,7 @@ ALL: tuple[Topic[Message], ...] = (
     GNSS_VERDICT,
     GNSS_FIX,
     GNSS_COMPARISON,
+    GNSS_CORRECTION,
     TRAIN_TRUTH,
     HEALTH,
     SERVICE_EVENT,

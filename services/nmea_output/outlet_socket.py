@@ -12,7 +12,7 @@ _QUEUE: Final = 8
 
 
 class Outlet:
-    """Sends without blocking; new clients are let in and lost ones forgotten whenever something is sent."""
+    """Sends without blocking: `greet` lets new clients in, `send` forgets lost ones."""
 
     def __init__(self, host: str, port: int, most_clients: int = MOST_CLIENTS) -> None:
         """Listen. Raises OSError when the address is taken."""
@@ -59,8 +59,7 @@ class Outlet:
             self._send(client, greeting)
 
     def send(self, content: bytes) -> None:
-        """Send to every client, what does not fit at once with the next call."""
-        self.greet()
+        """Send to every client that was let in, what does not fit at once with the next call."""
         for client in list(self._waiting):
             self._send(client, content)
 

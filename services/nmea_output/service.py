@@ -38,6 +38,7 @@ async def run(node: Node, config: Config) -> None:
         async for arrival in arrivals:
             if arrival.fields["device"] != config.device:
                 continue
+            outlet.greet()
             outlet.send(sentences(arrival.message, config.geoid_m))
             _report(node, outlet)
     finally:

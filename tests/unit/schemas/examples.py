@@ -13,7 +13,19 @@ import numpy as np
 
 from schemas import topics
 from schemas.codec import encode, encode_json
-from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere, KeplerOrbit, OwnPosition, SatelliteVerdict, Verdicts
+from schemas.gnss import (
+    Corrections,
+    Ephemeris,
+    Epoch,
+    Fix,
+    Ionosphere,
+    KeplerOrbit,
+    OwnPosition,
+    SatelliteCorrection,
+    SatelliteRefusal,
+    SatelliteVerdict,
+    Verdicts,
+)
 from schemas.health import Health, InputHealth, ServiceEvent
 from schemas.message import Message
 from schemas.position import TrainTruth
@@ -97,6 +109,30 @@ EXAMPLES: dict[type[Message], Message] = {
         h_m=76.0,
         satellites_used=7,
         satellites_flagged=2,
+    ),
+    Corrections: Corrections(
+        t_ns=_T_NS,
+        station="depot",
+        gps_week=1900,
+        tow_s=126641.7,
+        lat_deg=52.5,
+        lon_deg=13.37,
+        h_m=76.0,
+        satellites=(
+            SatelliteCorrection(
+                satellite="G05",
+                signal="1C",
+                issue=17,
+                toe_week=1900,
+                toe_s=129600.0,
+                correction_m=-4.25,
+                rate_mps=0.001,
+                sigma_m=0.3,
+                elevation_rad=0.8,
+                smoothed_s=100.0,
+            ),
+        ),
+        refused=(SatelliteRefusal(satellite="E11", reason="below the elevation mask"),),
     ),
     TrainTruth: TrainTruth(
         t_ns=_T_NS,
