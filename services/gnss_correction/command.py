@@ -15,6 +15,7 @@ import typer
 from services.gnss_correction.tune_command import tune
 
 if TYPE_CHECKING:
+    from services.gnss_correction.along_track import AlongError
     from services.gnss_correction.evaluation import Evaluation, FixTrack
     from services.gnss_correction.settings import Config
     from services.gnss_correction.solve_file import Solved
@@ -180,13 +181,25 @@ def _named(paths: list[Path]) -> list[tuple[str, Path]]:
     return [(stem if stems.count(stem) == 1 else str(path), path) for stem, path in zip(stems, paths, strict=True)]
 
 
-def _print(evaluations: list[Evaluation], *, with_line: bool, with_truth: bool, as_json: bool) -> None:
-    from services.gnss_correction.evaluation_table import tables
+def _print(
+    evaluations: list[Evaluation],
+    along: list[AlongError | None],
+    *,
+    with_line: bool,
+    with_truth: bool,
+    as_json: bool,
+) -> None:
+    from services.gnss_correction.evaluation_table import along_table, tables
 
     if as_json:
-        typer.echo(json.dumps([asdict(one) for one in evaluations], indent=2))
-    else:
-        typer.echo(tables(evaluations, with_line=with_line, with_truth=with_truth))
+        pairs = zip(evaluations, along, strict=True)
+        rows = [asdict(one) | {"along": asdict(error) if error else None} for one, error in pairs]
+        typer.echo(json.dumps(rows, indent=2))
+        return
+    typer.echo(tables(evaluations, with_line=with_line, with_truth=with_truth))
+    if any(along):
+        names = [one.name for one in evaluations]
+        typer.echo("\n" + along_table(list(zip(names, along, strict=True))))
 
 
 def _evaluate_integrity(
@@ -246,6 +259,7 @@ def evaluate_fixes(
             _evaluate_integrity(fixes, truth, alert_limit, plot, as_json=as_json)
             return
         from services.gnss_correction import fixes_file
+        from services.gnss_correction.along_track import along_error
         from services.gnss_correction.evaluation import evaluate
 
         tracks: list[FixTrack] = [fixes_file.read_fixes(path, name) for name, path in _named(fixes)]
@@ -257,7 +271,8 @@ def evaluate_fixes(
             from services.gnss_correction.track_plot import save_tracks
 
             save_tracks(plot, tracks, line, truth_line, stops)
-        _print(evaluations, with_line=line is not None, with_truth=truth_line is not None, as_json=as_json)
+        along = [along_error(track, truth_line, line) if truth_line and line else None for track in tracks]
+        _print(evaluations, along, with_line=line is not None, with_truth=truth_line is not None, as_json=as_json)
 
 
 app.command("tune")(tune)

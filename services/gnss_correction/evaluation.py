@@ -34,6 +34,9 @@ class FixTrack:
     h_m: Float64s
     bound_m: Float64s | None = None
     """Horizontal bound; NaN where none is vouched for, None where the file has no such column."""
+    chainage_m: Float64s | None = None
+    chainage_bound_m: Float64s | None = None
+    """Place on the line and its bound, likewise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +129,7 @@ def line_distance(track: FixTrack, line: Polyline) -> LineDistance | None:
     )
 
 
-def _inside(t_s: Float64s, truth_s: Float64s) -> NDArray[np.bool_]:
+def inside_truth(t_s: Float64s, truth_s: Float64s) -> NDArray[np.bool_]:
     """Epochs at which the truth is known."""
     after = np.clip(np.searchsorted(truth_s, t_s), 1, len(truth_s) - 1)
     nearest = np.minimum(np.abs(truth_s[after] - t_s), np.abs(truth_s[after - 1] - t_s))
@@ -139,7 +142,7 @@ def errors_m(track: FixTrack, truth: Polyline) -> tuple[Float64s, NDArray[np.boo
     reference = truth.reference_deg
     true_m = horizontal_m(truth, reference)
     at = np.stack([np.interp(track.t_s, truth.at, true_m[:, k]) for k in range(2)], axis=-1)
-    return np.hypot(*(horizontal_m(track, reference) - at).T), _inside(track.t_s, truth.at)
+    return np.hypot(*(horizontal_m(track, reference) - at).T), inside_truth(track.t_s, truth.at)
 
 
 def truth_error(track: FixTrack, truth: Polyline) -> TruthError | None:

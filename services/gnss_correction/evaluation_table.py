@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from services.gnss_correction.along_track import AlongError
 from services.gnss_correction.evaluation import Evaluation
 
 _Figure = Callable[[Evaluation], str]
@@ -17,6 +18,11 @@ def _table(title: str, evaluations: Sequence[Evaluation], rows: Sequence[tuple[s
     """Lines of one table: a row per figure, a column per method."""
     cells = [["", *(one.name for one in evaluations)]]
     cells += [[label, *(figure(one) for one in evaluations)] for label, figure in rows]
+    return _laid_out(title, cells)
+
+
+def _laid_out(title: str, cells: Sequence[Sequence[str]]) -> str:
+    """A title over columns: the first to the left, the others to the right."""
     widths = [max(len(row[column]) for row in cells) for column in range(len(cells[0]))]
     lines = [title]
     for row in cells:
@@ -69,6 +75,21 @@ def truth_table(evaluations: Sequence[Evaluation]) -> str:
             ("maximum", lambda one: _metres(one.truth.maximum_m if one.truth else None)),
         ),
     )
+
+
+def along_table(results: Sequence[tuple[str, AlongError | None]]) -> str:
+    """Error of the chainage against the truth."""
+    cells: list[tuple[str, Callable[[AlongError], str]]] = [
+        ("with a chainage [%]", lambda one: f"{one.known_percent:.3f}"),
+        ("mean", lambda one: _metres(one.mean_m)),
+        ("95 %", lambda one: _metres(one.p95_m)),
+        ("maximum", lambda one: _metres(one.maximum_m)),
+        ("median bound", lambda one: _metres(one.bound_p50_m)),
+        ("epochs beyond their bound", lambda one: str(one.beyond_bound)),
+    ]
+    rows = [["", *(name for name, _ in results)]]
+    rows += [[label, *("-" if one is None else figure(one) for _, one in results)] for label, figure in cells]
+    return _laid_out("Error along the line against the truth [m]", rows)
 
 
 def tables(evaluations: Sequence[Evaluation], *, with_line: bool, with_truth: bool) -> str:

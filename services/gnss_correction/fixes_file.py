@@ -178,11 +178,16 @@ def read_fixes(path: Path, name: str) -> FixTrack:
         ]
     )
     fixed = np.array([row["status"] == "fix" for row in rows]) & np.isfinite(figures[:, 1:3]).all(axis=1)
-    bound_m = None
-    if "bound_m" in rows[0]:
-        bound_m = np.array([_figure(path, line, row, "bound_m", missing=True) for line, row in enumerate(rows, 2)])
     lat_deg, lon_deg, h_m = figures[:, 1:].T
-    return FixTrack(name, figures[:, 0], fixed, lat_deg, lon_deg, h_m, bound_m)
+    further = (_optional(path, rows, column) for column in ("bound_m", *CHAINAGE_COLUMNS))
+    return FixTrack(name, figures[:, 0], fixed, lat_deg, lon_deg, h_m, *further)
+
+
+def _optional(path: Path, rows: Sequence[dict[str, str]], name: str) -> np.ndarray | None:
+    """A column that a file need not have, NaN for nothing."""
+    if name not in rows[0]:
+        return None
+    return np.array([_figure(path, line, row, name, missing=True) for line, row in enumerate(rows, 2)])
 
 
 def read_truth(path: Path) -> Polyline:

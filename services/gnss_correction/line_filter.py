@@ -283,7 +283,7 @@ class LineFilter:
         self._belonging.take(point[0], tangent[0], sights, level, self._free_m, dt_s)
         self._level += (level - self._level) * min(1.0, dt_s / LEVEL_S)
         self._coasting = Coasting(mode.speed_mps, mode.speed_m2ps2)
-        bound_m = bound_of(self._windows, mode.axis_m, self._level, sights)
+        bound_m = min(bound_of(self._windows, mode.axis_m, self._level, sights), self.axis.length_m)
         axis_m = min(max(mode.axis_m, 0.0), self.axis.length_m)
         self._best = LineEstimate("fix", "", axis_m, bound_m, mode.speed_mps, len(sights), level, mode.sigma_m)
         if self._level > DOUBTFUL_LEVEL and self._t_s - self._doubted_s > DOUBT_AGAIN_S:

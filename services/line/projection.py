@@ -63,11 +63,6 @@ def _feet(axis_m: Floats, plane_m: Floats, places: Floats, start_m: float, reach
             last_m = found[k, 0]
 
 
-def project(axis: Axis, place: Floats) -> Foot:
-    """Foot of a place (2,) anywhere on the axis."""
-    return Foot(*_foot(axis.axis_m, axis.plane_m, float(place[0]), float(place[1]), 0, len(axis.axis_m) - 1))
-
-
 def follow(axis: Axis, places: Floats, reach_m: Floats, start_m: float = np.nan) -> Floats:
     """Feet (n, 2: axis_m, aside_m) of places (n, 2) one after the other.
 
