@@ -197,6 +197,26 @@ class Fix(Message, frozen=True, kw_only=True):
     hdop: float | None = None
 
 
+class FrontEnd(Message, frozen=True, kw_only=True):
+    """Where the train's front end is by its antennas together, and whether they agree."""
+
+    devices: tuple[str, ...]
+    """Antennas with a fix and a bound at this time."""
+    agreement: Literal["agree", "disagree", "unknown"]
+    """`unknown` while fewer than two antennas can be compared."""
+    reason: str
+    chainage_m: float | None = None
+    """Of the front end; None without a line, or while the direction of the front is not known."""
+    chainage_bound_m: Metres | None = None
+    """Error that is vouched for. Covers every antenna's claim when they disagree."""
+    facing: Literal["up", "down"] | None = None
+    """`up`: the front end looks towards rising chainage."""
+    difference_m: Metres | None = None
+    """By how much the antennas' distance is not what it is on the train."""
+    allowed_m: Metres | None = None
+    """How much of that their bounds explain."""
+
+
 class OwnPosition(Message, frozen=True, kw_only=True):
     """What a receiver itself says about its position (WGS 84); for receivers that measure nothing else, the best."""
 

@@ -193,6 +193,13 @@ GNSS_CORRECTION = Topic(
     1.0,
     "what is wrong with every satellite's pseudorange at a place beside the line",
 )
+GNSS_FRONT_END = Topic(
+    "train/{train}/front_end",
+    gnss.FrontEnd,
+    Delivery.STATE,
+    5.0,
+    "front end of the train by all its antennas, and whether they agree",
+)
 TRAIN_TRUTH = Topic(
     "train/{train}/truth/{device}",
     position.TrainTruth,
@@ -218,6 +225,7 @@ ALL: tuple[Topic[Message], ...] = (
     GNSS_FIX,
     GNSS_COMPARISON,
     GNSS_CORRECTION,
+    GNSS_FRONT_END,
     TRAIN_TRUTH,
     HEALTH,
     SERVICE_EVENT,

@@ -8,8 +8,17 @@ from typing import Final
 import numpy as np
 
 from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere
-from schemas.topics import GNSS_COMPARISON, GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_FIX, GNSS_IONOSPHERE, GNSS_VERDICT
+from schemas.topics import (
+    GNSS_COMPARISON,
+    GNSS_EPHEMERIS,
+    GNSS_EPOCH,
+    GNSS_FIX,
+    GNSS_FRONT_END,
+    GNSS_IONOSPHERE,
+    GNSS_VERDICT,
+)
 from services.gnss_correction.fix_messages import fixes_of
+from services.gnss_correction.front_end import FrontEndFinder
 from services.gnss_correction.line_method import Line, warm_up
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.settings import Config
@@ -53,7 +62,7 @@ def _note(node: Node, device: str, fix: Fix) -> None:
         node.health.set(f"no_fix:{device}", f"no fix from {device}: {fix.reason}")
 
 
-async def _answer(node: Node, device: str, correction: Correction, epoch: Epoch) -> None:
+async def _answer(node: Node, device: str, correction: Correction, epoch: Epoch, finder: FrontEndFinder) -> None:
     """Publish everything that follows from one epoch."""
     corrected = correction.epoch(epoch)
     primary, *others = correction.methods
@@ -61,6 +70,13 @@ async def _answer(node: Node, device: str, correction: Correction, epoch: Epoch)
     (verdicts,) = verdicts_of(corrected)
     _note(node, device, fix)
     await node.publish(GNSS_FIX, fix, device=device)
+    front_end = finder.take(device, fix)
+    if front_end is not None:
+        await node.publish(GNSS_FRONT_END, front_end)
+        if front_end.agreement == "disagree":
+            node.health.set("antennas", f"antennas disagree: {front_end.reason}")
+        else:
+            node.health.clear("antennas")
     for method in others:
         (other,) = fixes_of(corrected, method)
         await node.publish(GNSS_COMPARISON, other, device=device, method=method)
@@ -78,6 +94,7 @@ async def run(node: Node, config: Config) -> None:
     if config.thresholds_file:
         thresholds = await node.in_thread(lambda: read_thresholds(Path(config.thresholds_file)))
     node.ready()
+    finder = FrontEndFinder(config.antennas, config.facing)
     corrections: dict[str, Correction] = {}
     async for arrival in arrivals:
         device = arrival.fields["device"]
@@ -88,7 +105,7 @@ async def run(node: Node, config: Config) -> None:
             corrections[device] = Correction(config, thresholds=thresholds, line=line)
         match arrival.message:
             case Epoch() as epoch:
-                await _answer(node, device, corrections[device], epoch)
+                await _answer(node, device, corrections[device], epoch, finder)
             case Ephemeris() | Ionosphere() as broadcast:
                 corrections[device].add(broadcast)
 
@@ -97,7 +114,7 @@ SERVICE = Service(
     "gnss_correction",
     Config,
     reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE),
-    writes=(GNSS_FIX, GNSS_COMPARISON, GNSS_VERDICT),
+    writes=(GNSS_FIX, GNSS_COMPARISON, GNSS_FRONT_END, GNSS_VERDICT),
     run=run,
     about="positions from GNSS epochs, with a multipath verdict on every satellite",
 )

@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from schemas.gnss import Method
+from services.gnss_correction.front_end import Antenna, Facing
 from services.gnss_correction.weighting import Weights
 
 Degrees = Annotated[float, Meta(ge=0.0, le=90.0)]
@@ -39,6 +40,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     smooth_s: Annotated[float, Meta(ge=0.0, le=3_600.0)] = 0.0
     """Time constant with which pseudoranges are smoothed by the carrier phase (Hatch 1982); 0 does not smooth. 100 s
     is usual; in town slips leave little of it."""
+    longest_correction_age_s: Annotated[float, Meta(gt=0.0, le=600.0)] = 30.0
+    """Corrections of a reference station are used for so long after the instant for which they were made."""
     most_pdop: Positive = 30.0
     """With a larger position dilution of precision the height of an earlier fix is held, or there is no fix."""
     longest_height_hold_s: Annotated[float, Meta(ge=0.0)] = 30.0
@@ -67,3 +70,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     longest_gap_s: Positive = 1.5
     """A satellite that was away longer is watched from anew; receivers of 1 Hz stay below. The paper does not speak of
     gaps."""
+    antennas: dict[str, Antenna] = msgspec.field(default_factory=dict)
+    """Lever arms by device, for a train with several antennas: `front_end` is published for them."""
+    facing: Facing | None = None
+    """Where the front end looks, `up` for rising chainage; needed where a single antenna must tell the front end."""
