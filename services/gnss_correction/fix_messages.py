@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schemas.gnss import Fix, FixStatus, Method
+from services.gnss_correction.differential import Differential
 from services.gnss_correction.ephemeris_table import EphemerisTable
 from services.gnss_correction.multipath import Judgement
 from services.gnss_correction.preparation import Prepared
@@ -67,6 +68,8 @@ class Corrected:
     evidence: Records
     """Dtype EVIDENCE: what speaks for multipath in each row."""
     solutions: dict[Method, Solution]
+    differential: Differential
+    """What became of the corrections of a reference station."""
 
 
 def numbers(column: Float64s) -> list[float | None]:

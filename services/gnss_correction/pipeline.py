@@ -12,10 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from schemas.gnss import Ephemeris, Epoch, Ionosphere, Method
+from schemas.gnss import Corrections, Ephemeris, Epoch, Ionosphere, Method
 from schemas.gnss_time import WEEK_S, gps_from_unix_ns, unix_ns_from_gps
 from schemas.thresholds import Thresholds
 from services.gnss_correction.carrier_smoothing import CarrierSmoother
+from services.gnss_correction.differential import CorrectionTable, add_corrections
 from services.gnss_correction.ephemeris_store import EphemerisStore
 from services.gnss_correction.epoch_order import EpochOrder
 from services.gnss_correction.fix_messages import Corrected, Solution
@@ -96,6 +97,7 @@ class Correction:
         self._rules["most_pdop"] = config.most_pdop
         self._rules["longest_hold_s"] = config.longest_height_hold_s
         self._strengths = SignalStrengths(config.cn0_averaging_s)
+        self._corrections = CorrectionTable(config.longest_correction_age_s)
 
     def add(self, broadcast: Ephemeris | Ionosphere) -> None:
         """Take in what a satellite broadcast. Without an ionosphere its night-time constant is used."""
@@ -104,6 +106,10 @@ class Correction:
         else:
             self._rules["alpha"], self._rules["beta"] = broadcast.alpha, broadcast.beta
             self._common_m = COMMON_M
+
+    def correct_by(self, corrections: Corrections) -> str:
+        """Take in what a reference station corrects; gives why it is refused, empty when it is not."""
+        return self._corrections.add(corrections)
 
     def epoch(self, epoch: Epoch) -> Corrected:
         """One epoch, solved and judged. An epoch whose time is no number is answered at `t_ns`."""
@@ -116,6 +122,7 @@ class Correction:
         table = self._store.table()
         refused = np.array([bool(one) for one in refusals], bool)
         prepared = prepare(observations, refused, table, self.config.systems, self._strengths)
+        differential = self._corrections.apply(prepared, observations.signals, table, self._rules[0])
         solutions: dict[Method, Solution] = {"original": self._solve("original", prepared, prepared.rows.copy())}
         judgements, flagged = self._judge(prepared, solutions["original"].rows)
         robust = self._filter(prepared, refused, table.gps_week, solutions["original"])
@@ -145,6 +152,7 @@ class Correction:
             flagged=flagged,
             evidence=self._gather(prepared, solutions["original"].rows, robust),
             solutions=solutions,
+            differential=differential,
         )
 
     def _gather(self, prepared: Prepared, directed: Records, reference: Solution) -> Records:
@@ -158,6 +166,7 @@ class Correction:
     def _solve(self, method: Method, prepared: Prepared, rows: Records) -> Solution:
         if method in self._smoothers:
             self._smoothers[method].smooth(prepared.first_row, prepared.t_s, rows)
+        add_corrections(rows)
         epochs = self._solvers[method].solve(prepared.first_row, prepared.t_s, rows, self._rules[0])
         return Solution(epochs, rows)
 
@@ -166,6 +175,7 @@ class Correction:
         rows = prepared.rows.copy()
         if "robust" in self._smoothers:
             self._smoothers["robust"].smooth(prepared.first_row, prepared.t_s, rows)
+        add_corrections(rows)
         given = RobustInput(prepared.first_row, prepared.t_s + seconds_of_week(gps_week), refused, rows, first.epochs)
         return Solution(self._robust.solve(given, self._rules[0], self._common_m), rows)
 
@@ -175,6 +185,7 @@ class Correction:
             msg = "the method line needs a line"
             raise ValueError(msg)
         rows = prepared.rows.copy()
+        add_corrections(rows)
         gps_s = prepared.t_s + gps_week * float(WEEK_S)
         given = LineInput(prepared.first_row, prepared.t_s, gps_s, refused, rows, free.epochs)
         epochs, reasons = self._line.solve(given, self._rules[0])

@@ -69,14 +69,14 @@ def fit_station(line_enu: Float64s, system: Ints, elevation_rad: Float64s, diffe
         medians = np.array([np.median(difference_m[system == one]) for one in systems])
         return StationFit(np.full(3, np.nan), difference_m - clocks @ medians, sigma_m)
     design = np.hstack([-line_enu, clocks])
-    weight = 1.0 / sigma_m
-    residual_m = difference_m
-    solution = np.zeros(design.shape[1])
+    weight: Float64s = 1.0 / sigma_m
+    residual_m: Float64s = difference_m
+    solution: Float64s = np.zeros(design.shape[1])
     for _ in range(ROUNDS):
-        solution = np.linalg.lstsq(design * weight[:, None], difference_m * weight, rcond=None)[0]
-        residual_m = difference_m - design @ solution
+        solution = np.asarray(np.linalg.lstsq(design * weight[:, None], difference_m * weight, rcond=None)[0], float)
+        residual_m = np.asarray(difference_m - design @ solution)
         share = HUBER / np.maximum(np.abs(residual_m) / sigma_m, HUBER)
-        weight = np.sqrt(share) / sigma_m
+        weight = np.asarray(np.sqrt(share) / sigma_m)
     return StationFit(solution[:3], residual_m, sigma_m)
 
 

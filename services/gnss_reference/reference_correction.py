@@ -93,7 +93,7 @@ class ReferenceStation:
         codes = rows["satellite"]
         # The first pseudorange after a slip is left as it is.
         self._smoothed_since_s[codes[rows["pseudorange_m"] == raw_m]] = t_s
-        return np.minimum(t_s - self._smoothed_since_s[codes], self._settings.smooth_s)
+        return np.asarray(np.minimum(t_s - self._smoothed_since_s[codes], self._settings.smooth_s))
 
     def _correct(
         self, rows: Records, t_s: float, smoothed_s: Float64s, signals: tuple[str, ...], table: EphemerisTable
