@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from schemas.codec import decode, encode
 from schemas.gnss import Epoch, Fix, Ionosphere, Verdicts
+from schemas.thresholds import Band, Thresholds
 from schemas.topics import (
     GNSS_COMPARISON,
     GNSS_EPHEMERIS,
@@ -23,7 +25,8 @@ from schemas.topics import (
 from services.gnss_correction.geodesy import enu_about
 from services.gnss_correction.service import MOST_DEVICES, SERVICE
 from services.gnss_correction.settings import Config
-from services.recorder.offline_replay import Part, replay, replay_through
+from services.gnss_correction.thresholds_file import write_thresholds
+from services.recorder.offline_replay import Part, ReplayError, replay, replay_through
 from services.runtime.manual_loop import manual_loop
 from services.runtime.node import Sample
 from tests.unit.gnss_correction.made_up_sky import PLACE_DEG, START_S, constellation, measured
@@ -167,3 +170,26 @@ def test_the_service_ends_when_asked() -> None:
     run = replay(recording(drive(2)), [Part(SERVICE, Config(), "gnss_correction")], heard.append)
     assert run.fed == 2 + len(GPS) + 1
     assert len(heard) == 8
+
+
+def test_the_service_loads_the_thresholds_of_its_receiver(tmp_path: Path) -> None:
+    band = Band(system="G", lowest_deg=0.0, highest_deg=90.0, threshold_m=200.0)
+    path = tmp_path / "thresholds.toml"
+    write_thresholds(path, Thresholds(receiver="front", bands=(band,)))
+    flagged = {}
+    for name in ("", str(path)):
+        heard: list[Sample] = []
+        settings = Config(method="original", compare=(), thresholds_file=name)
+        replay(recording(drive()), [Part(SERVICE, settings, "gnss_correction")], heard.append)
+        flagged[name] = sum(fix.satellites_flagged for fix in fixes(heard))
+    # The reflection of 80 m stays below a threshold of 200 m.
+    assert flagged[str(path)] == 0
+    assert flagged[""] > 0
+
+
+def test_the_service_does_not_start_with_broken_thresholds(tmp_path: Path) -> None:
+    path = tmp_path / "thresholds.toml"
+    path.write_text("version = 1")
+    settings = Config(thresholds_file=str(path))
+    with pytest.raises(ReplayError, match=r"thresholds\.toml: Object missing required field"):
+        replay(recording(drive(1)), [Part(SERVICE, settings, "gnss_correction")], lambda _sample: None)

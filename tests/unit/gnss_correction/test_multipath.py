@@ -115,6 +115,32 @@ def test_the_substitute_follows_the_signed_rate(rate_mps: float) -> None:
     assert judged[11].substitute_m == pytest.approx(expected_m + mean_mps * 0.2, abs=1e-6)
 
 
+@pytest.mark.parametrize("doppler", [True, False])
+def test_doppler_and_carrier_are_substituted_with_the_pseudorange(doppler: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    detector, rate_mps, judged = MultipathDetector(Config()), 300.0, []
+    pseudoranges_m = moving(rate_mps, {10: 50.0}, 12)
+    for k, pseudorange_m in enumerate(pseudoranges_m):
+        # Once reflected, Doppler and carrier go astray as well.
+        doppler_mps = (rate_mps if k < 10 else rate_mps + 40.0) if doppler else math.nan
+        carrier_m = 7.0 + rate_mps * 0.2 * k + (900.0 if k >= 10 else 0.0)
+        judged += detector.judge(0.2 * k, [Sight(5, 0, pseudorange_m, doppler_mps, HIGH_RAD, carrier_m)])
+    first, second = judged[10].substitute, judged[11].substitute
+    assert first is not None
+    assert second is not None
+    assert first.range_rate_mps == pytest.approx(rate_mps, abs=1e-6)
+    assert first.carrier_m == pytest.approx(7.0 + rate_mps * 2.0, abs=1e-6)
+    # The next goes on from the substituted carrier by the mean that has taken in the astray rate.
+    astray_mps = rate_mps + (40.0 if doppler else 250.0) / 5
+    assert second.range_rate_mps == pytest.approx(astray_mps, abs=1e-6)
+    assert second.carrier_m == pytest.approx(first.carrier_m + astray_mps * 0.2, abs=1e-6)
+
+
+def test_without_a_carrier_none_is_made_up() -> None:
+    substitute = judge_all(moving(300.0, {10: 50.0}, 12))[10].substitute
+    assert substitute is not None
+    assert math.isnan(substitute.carrier_m)
+
+
 def test_substituting_has_an_end() -> None:
     restless = [FAR_M + 5.0 * (k % 2) * k for k in range(40)]
     judged = judge_all(restless, config=Config(longest_adjusting_s=1.0))

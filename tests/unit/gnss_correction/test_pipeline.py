@@ -107,7 +107,8 @@ def test_verdicts_say_what_was_done() -> None:
         "remove": f"{found}, left out",
         "adjust": f"{found}, adjusted by -60.0 m",
     }
-    assert all(float(parts[2].split(" m off the other satellites")[0]) > 5.0 for parts in told.values()), "what is left of 60 m after it moved the place"
+    residuals_m = [float(parts[2].split(" m off the other satellites")[0]) for parts in told.values()]
+    assert min(residuals_m) > 5.0, "what is left of 60 m after it moved the place"
     assert [words[method].used for method in METHODS] == [True, False, True]
     assert words["adjust"].adjusted_by_m == pytest.approx(-60.0, abs=0.05)
     assert words["adjust"].change_m == pytest.approx(60.0, abs=0.05)
