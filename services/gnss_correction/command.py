@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from services.gnss_correction.evaluation import Evaluation, FixTrack
     from services.gnss_correction.settings import Config
     from services.gnss_correction.solve_file import Solved
+    from services.gnss_reference.base_file import Base
 
 USUAL_SMOOTHING_S = 100.0
 """Time constant of Hatch filters in receivers and in aviation (RTCA DO-229)."""
@@ -100,6 +101,9 @@ def _summary(rover: Path, out: Path, method: str, solved: Solved) -> str:
         f"{solved.flagged_per_epoch:.2f} satellites per epoch held for multipath, {solved.clock_jumps} clock jumps",
     ]
     lines += [f"no fix: {count} epochs, {reason}" for reason, count in solved.reasons.items()]
+    if solved.corrected:
+        lines.append(f"{solved.corrected} epochs corrected by the base")
+    lines += [f"not corrected by the base: {count} epochs, {reason}" for reason, count in solved.uncorrected.items()]
     if solved.issues:
         lines.append(f"{len(solved.issues)} things in the files were refused, the first: {solved.issues[0]}")
     return "\n".join(lines)
@@ -113,6 +117,23 @@ def _require_line(settings: Config, wheel: Path | None) -> None:
     if wheel is not None and settings.method != "line":
         msg = "--wheel: only the method line uses the wheels"
         raise UsageError(msg)
+
+
+def _base(observations: Path | None, position: str | None) -> Base | None:
+    """The base that corrects the rover, where one is given. Raises UsageError."""
+    if observations is None and position is None:
+        return None
+    if observations is None or position is None:
+        msg = "--base and --base-position: give both or neither"
+        raise UsageError(msg)
+    from services.gnss_reference.base_file import Base
+    from services.gnss_reference.base_position import parse_position
+
+    try:
+        return Base(observations, parse_position(position))
+    except ValueError as error:
+        msg = f"--base-position: {error}"
+        raise UsageError(msg) from error
 
 
 @app.command()
@@ -136,6 +157,12 @@ def solve(
     ] = None,
     wheel: Annotated[
         Path | None, typer.Option("--wheel", help="Speed by the wheels for method line: CSV gps_week,tow_s,speed_mps.")
+    ] = None,
+    base: Annotated[
+        Path | None, typer.Option("--base", help="RINEX observation file of a base receiver that corrects the rover's.")
+    ] = None,
+    base_position: Annotated[
+        str | None, typer.Option("--base-position", help="Where the base stands: LAT,LON,H in degrees and metres.")
     ] = None,
     smooth: Annotated[
         bool, typer.Option("--smooth", help="Smooth pseudoranges by the carrier phase over 100 s, or what is set.")
@@ -161,13 +188,14 @@ def solve(
         if smooth and settings.smooth_s == 0.0:
             settings = configured(config, {**chosen, "compare": [], "smooth_s": USUAL_SMOOTHING_S})
         _require_line(settings, wheel)
+        station = _base(base, base_position)
         from services.gnss_correction.solve_file import solve_file
 
         if verdicts is not None and verdicts.absolute() == out.absolute():
             msg = f"{out}: fixes and verdicts cannot be one file"
             raise UsageError(msg)
         with progress_of(f"solving {rover.name}") as progress:
-            solved = solve_file(rover, nav, settings, out, verdicts, progress, wheel)
+            solved = solve_file(rover, nav, settings, out, verdicts, progress, wheel, station)
         if as_json:
             table = asdict(solved) | {"issues": [str(issue) for issue in solved.issues], "method": settings.method}
             typer.echo(json.dumps(table, indent=2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +25,8 @@ from services.gnss_correction.wheel_file import read_wheel
 from services.gnss_receiver.observations import FileIssue, Navigation, Observations
 from services.gnss_receiver.rinex_navigation_file import read_navigation
 from services.gnss_receiver.rinex_observation_file import read_observations
+from services.gnss_reference.base_file import Base, read_corrections
+from services.gnss_reference.reference_correction import StationSettings
 from services.line.line_file import read_line
 
 BLOCK_EPOCHS: Final = 2_000
@@ -45,6 +48,10 @@ class Solved:
     flagged_per_epoch: float
     clock_jumps: int
     ephemerides: int
+    corrected: int
+    """Epochs corrected by a base."""
+    uncorrected: dict[str, int]
+    """Epochs not corrected although there is a base, by reason (figures left out), commonest first."""
     issues: tuple[FileIssue, ...]
     """What was refused in the files."""
 
@@ -104,6 +111,14 @@ def _informed(config: Config, navigation: Navigation, line: Line | None) -> Corr
     return correction
 
 
+def _correct_by(correction: Correction, base: Base, navigation: Navigation) -> Sequence[FileIssue]:
+    """Hand the corrections of a base to the pipeline, which takes of them what each epoch may know."""
+    corrections, issues = read_corrections(base, navigation, StationSettings())
+    for one in corrections:
+        correction.correct_by(one)
+    return issues
+
+
 def _kinds(corrected: Corrected) -> Iterator[str]:
     """Kind of reason of every epoch without a fix."""
     outcomes = corrected.solutions[corrected.config.method].epochs["outcome"].tolist()
@@ -128,10 +143,12 @@ def solve_file(
     verdicts: Path | None = None,
     progress: Callable[[float], None] | None = None,
     wheel: Path | None = None,
+    base: Base | None = None,
 ) -> Solved:
     """Solve a recording by the configured method and write the files.
 
-    `progress` gets the fraction done; `wheel` is a file of speeds by the wheels for the method `line`.
+    `progress` gets the fraction done; `wheel` is a file of speeds by the wheels for the method `line`;
+    a `base` corrects the pseudoranges.
     Raises RinexError for files that are none, LineFileError and WheelFileError likewise, SolveError
     when nothing can be solved at all (then nothing is written), OSError.
     """
@@ -142,8 +159,9 @@ def solve_file(
         raise SolveError(msg)
     _require_cover(config, observations, navigation, ", ".join(str(path) for path in navigation_paths))
     correction = _informed(config, navigation, _line(config, wheel, observations))
+    base_issues = _correct_by(correction, base, navigation) if base is not None else ()
     writer = FixesWriter(out, verdicts, chainage=bool(config.line_file))
-    fixes, flagged, reasons = 0, 0, Counter[str]()
+    fixes, flagged, reasons, words = 0, 0, Counter[str](), Counter[str]()
     try:
         done = 0
         for block in blocks(observations):
@@ -155,6 +173,7 @@ def solve_file(
             fixes += sum(fix.status == "fix" for fix in answers)
             flagged += sum(corrected.flagged)
             reasons.update(_kinds(corrected))
+            words.update(re.sub(r"\d+", "…", why) for why in corrected.differential.epochs)
             done += len(block)
             if progress is not None:
                 progress(done / len(observations))
@@ -169,5 +188,7 @@ def solve_file(
         flagged_per_epoch=flagged / len(observations),
         clock_jumps=correction.detector.clock_jumps,
         ephemerides=len(navigation.ephemerides),
-        issues=(*navigation.issues, *observations.issues),
+        corrected=words[""] if base is not None else 0,
+        uncorrected={why: count for why, count in words.most_common() if why},
+        issues=(*navigation.issues, *observations.issues, *base_issues),
     )
