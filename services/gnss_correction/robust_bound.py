@@ -15,8 +15,8 @@ other, so their responses add up in squares:
 
 λ largest eigenvalue of the horizontal part; e excess of the residuals over their model, never below
 one (Student's t bounds it above), held for a while, because reflections of several satellites at
-once shift place and residuals together; f two after a start, falling to one in some seconds, because
-a first epoch has nothing to be compared with; common: ionosphere, troposphere, orbits, which all
+once shift place and residuals together; f four after a start, falling to one in some ten seconds,
+because a first epoch has nothing to be compared with; common: ionosphere, troposphere, orbits, which all
 satellites of a region share and residuals do not show; moved: see robust_doubt.py. k = 5.33 is the
 factor of a Gaussian tail of 1e-7 (RTCA DO-229, J.2.1).
 """
@@ -38,7 +38,9 @@ COMMON_M: Final = 2.5
 COMMON_WITHOUT_IONOSPHERE_M: Final = 5.0
 """The same where nothing was broadcast about the ionosphere."""
 EXCESS_HELD_S: Final = 10.0
-SETTLING_S: Final = 15.0
+SETTLING_S: Final = 12.0
+UNSETTLED: Final = 3.0
+"""A first epoch among buildings fits a wrong place as well as the right one: its bias counts four times."""
 FORGOTTEN_M: Final = 1e-4
 """A response this small is dropped."""
 
@@ -130,7 +132,7 @@ def take_excess(rows: Records, memory: Memory, dt_s: float) -> None:
 def bound_m(memory: Memory, rules: Any, moved_m: float) -> float:  # noqa: ANN401 - numba record
     """Horizontal bound of the present state [m]."""
     now = memory.now[0]
-    fresh = now.excess * (1.0 + np.exp(-(now.t_s - now.started_s) / SETTLING_S))
+    fresh = now.excess * (1.0 + UNSETTLED * np.exp(-(now.t_s - now.started_s) / SETTLING_S))
     variance = horizontal_variance_m2(memory.covariance, memory.level) + rules.common_m * rules.common_m
     variance += fresh * fresh * bias_variance_m2(memory)
     return float(rules.bound_factor * np.sqrt(variance) + moved_m)

@@ -26,6 +26,8 @@ INCONSISTENT_SQUARE: Final = 25.0
 """From here on it counts as excluded; its weight is below a sixth."""
 OPENED_M: Final = 200.0
 OPENED_MPS: Final = 10.0
+RESETTLED_M: Final = 20.0
+"""After a move by more the place is as new as after a start."""
 TOLD_M: Final = 50.0
 """A move against the motion by more is told, and covered by the bound."""
 COVERED_S: Final = 60.0
@@ -44,7 +46,7 @@ def open_when_doubtful(memory: Memory) -> bool:
     for i in range(3):
         memory.covariance[i, i] += OPENED_M * OPENED_M
         memory.covariance[VELOCITY + i, VELOCITY + i] += OPENED_MPS * OPENED_MPS
-    now.doubt_s, now.started_s = 0.0, now.t_s
+    now.doubt_s = 0.0
     return True
 
 
@@ -58,6 +60,8 @@ def take_move(memory: Memory) -> None:
             moved_m += memory.level[axis, i] * (memory.state[i] - memory.predicted[i])
         square_m2 += moved_m * moved_m
     moved_m = np.sqrt(square_m2)
+    if moved_m > RESETTLED_M:
+        now.started_s = now.t_s
     if moved_m > TOLD_M and moved_m > covered_m(memory):
         now.moved_m, now.moved_s = moved_m, now.t_s
 

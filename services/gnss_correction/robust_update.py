@@ -29,6 +29,10 @@ from services.gnss_correction.solver_arrays import Float64s, Records
 
 MOST_ROUNDS: Final = 7
 CONVEX_ROUNDS: Final = 2
+EQUAL_M: Final = 15.0
+UNSETTLED_S: Final = 30.0
+"""Added to every standard deviation in the convex rounds so long after a start: the many decide where to begin, not
+the strongest one."""
 STILL_M: Final = 1e-3
 CORRELATION_S: Final = 0.2
 """Errors of a pseudorange last at least so long: of epochs that follow faster each counts for less."""
@@ -107,14 +111,15 @@ def _round(rows: Records, memory: Memory, dt_s: float, strongest_dbhz: float, ro
     """One weighted step of the state; its length in space [m], NaN where the equations have no solution."""
     state = memory.state
     _take_prediction(memory, dt_s)
+    unsettled = memory.now[0].t_s - memory.now[0].started_s < UNSETTLED_S
     share = min(max(dt_s, SHORTEST_S) / CORRELATION_S, 1.0)
     for i in range(rows.size):
         row = rows[i]
         if row.rejection != _USABLE:
             continue
         row.residual_m = row.pseudorange_m - row.modelled_m - state[CLOCK + row.system]
-        weight = measurement_weight(row.residual_m**2 / row.variance_m2, robust)
-        memory.weight[i] = weight * share / row.variance_m2
+        variance = row.variance_m2 + (EQUAL_M * EQUAL_M if unsettled and not robust else 0.0)
+        memory.weight[i] = measurement_weight(row.residual_m**2 / variance, robust) * share / variance
         _take_code(row, memory.weight[i], memory)
         if np.isfinite(row.range_rate_mps):
             residual_mps = range_rate_residual_mps(row, state)
