@@ -160,12 +160,12 @@ class Correction:
         seen = directed.copy()
         seen["pseudorange_m"] = prepared.rows["pseudorange_m"]
         return self._gatherer.gather(
-            prepared.first_row, prepared.t_s, seen, reference.rows["residual_m"], reference.epochs
+            prepared.first_row, prepared.gps_s, seen, reference.rows["residual_m"], reference.epochs
         )
 
     def _solve(self, method: Method, prepared: Prepared, rows: Records) -> Solution:
         if method in self._smoothers:
-            self._smoothers[method].smooth(prepared.first_row, prepared.t_s, rows)
+            self._smoothers[method].smooth(prepared.first_row, prepared.gps_s, rows)
         add_corrections(rows)
         epochs = self._solvers[method].solve(prepared.first_row, prepared.t_s, rows, self._rules[0])
         return Solution(epochs, rows)
@@ -174,7 +174,7 @@ class Correction:
         """Solutions of the robust filter, which starts from those of single epochs."""
         rows = prepared.rows.copy()
         if "robust" in self._smoothers:
-            self._smoothers["robust"].smooth(prepared.first_row, prepared.t_s, rows)
+            self._smoothers["robust"].smooth(prepared.first_row, prepared.gps_s, rows)
         add_corrections(rows)
         given = RobustInput(prepared.first_row, prepared.t_s + seconds_of_week(gps_week), refused, rows, first.epochs)
         return Solution(self._robust.solve(given, self._rules[0], self._common_m), rows)

@@ -75,6 +75,8 @@ class Prepared:
 
     t_s: Float64s
     """Shape (epochs,): by the receiver's clock, from the start of the table's week."""
+    gps_s: Float64s
+    """Shape (epochs,): the same from the beginning of GPS time, for what outlives a table; good to 0.3 microseconds."""
     first_row: Ints
     """Shape (epochs + 1,)."""
     rows: Records
@@ -252,4 +254,4 @@ def prepare(
     first_row = _prepare(
         columns, t_s, refused, ranks, table.rows, table.first, strengths.averaging_s, strengths.known, rows
     )
-    return Prepared(t_s, first_row, rows[: first_row[-1]])
+    return Prepared(t_s, t_s + table.gps_week * float(WEEK_S), first_row, rows[: first_row[-1]])

@@ -64,6 +64,17 @@ def test_the_probability_is_calibrated_within_a_tenth(labelled: tuple[Floats, Bo
     assert probability.mean() == pytest.approx(off.mean(), abs=0.1)
 
 
+@pytest.mark.parametrize("name", ["static_dgps", "boulder_4hz"])
+def test_under_an_open_sky_next_to_nothing_is_believed_reflected(name: str, tmp_path: Path) -> None:
+    config = Config(compare=())
+    solve_file(ROOT / name / "rover.obs", [ROOT / name / "nav.rnx"], config, tmp_path / "f.csv", tmp_path / "v.csv")
+    with (tmp_path / "v.csv").open() as file:
+        given = [row["multipath_probability"] for row in csv.DictReader(file)]
+    probability = np.array([float(text) for text in given if text])
+    assert (probability > 0.5).mean() < 0.005
+    assert probability.mean() < 0.1
+
+
 def test_tuned_thresholds_follow_the_receiver(tmp_path: Path) -> None:
     found = {}
     for name, nav in (("berlin_5hz", "nav_mixed.rnx"), ("static_dgps", "nav.rnx")):

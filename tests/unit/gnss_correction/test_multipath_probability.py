@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from schemas.gnss import Epoch, SatelliteVerdict
 from services.gnss_correction.atmosphere import L1_HZ, LIGHT_MPS
 from services.gnss_correction.clock_jump import MILLISECOND_M
+from services.gnss_correction.ephemeris_store import MOST_PER_SATELLITE
 from services.gnss_correction.multipath_evidence import EVIDENCE
 from services.gnss_correction.multipath_probability import (
     BASE,
@@ -28,7 +29,7 @@ from services.gnss_correction.settings import Config
 from services.gnss_correction.solve_file import blocks
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.gnss_receiver.observations import observations_of
-from tests.unit.gnss_correction.made_up_sky import START_S, constellation, measured
+from tests.unit.gnss_correction.made_up_sky import START_S, WEEK, constellation, ephemeris, measured
 
 GPS = constellation()
 WAVELENGTH_M = LIGHT_MPS / L1_HZ
@@ -171,6 +172,24 @@ def test_blocks_and_single_epochs_agree_to_the_bit() -> None:
         correction.add(one)
     whole = [v for block in blocks(observations_of(epochs)) for v in verdicts_of(correction.block(block))]
     assert [list(one.satellites) for one in whole] == judged(epochs)
+
+
+def test_a_table_that_counts_from_another_week_changes_nothing() -> None:
+    epochs = drive(step_m=20.0)
+    steady, moved = Correction(Config(smooth_s=10.0)), Correction(Config(smooth_s=10.0))
+    for correction in (steady, moved):
+        for one in (ephemeris("J07"), *GPS):
+            correction.add(one)
+    for k, epoch in enumerate(epochs):
+        if k == STEP_AT + 2:
+            # The oldest is dropped, so that the first one known is of the week after.
+            for issue in range(MOST_PER_SATELLITE):
+                moved.add(ephemeris("J07", gps_week=WEEK + 1, toe_s=0.0, toc_s=0.0, issue=issue))
+        found, again = steady.epoch(epoch), moved.epoch(epoch)
+        assert (found.table.gps_week == again.table.gps_week) == (k < STEP_AT + 2)
+        for name in ("change_hold_m", "slip_hold", "residual_m"):
+            # Rounding of satellite places is all that may differ.
+            np.testing.assert_allclose(again.evidence[name], found.evidence[name], atol=1e-4)
 
 
 def test_a_slip_of_the_carrier_is_evidence() -> None:
