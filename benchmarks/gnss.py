@@ -24,8 +24,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.bus import machine
+from schemas.codec import encode
+from schemas.gnss import Method
+from services.gnss_correction.fix_messages import fixes_of
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.settings import Config
+from services.gnss_correction.verdict_messages import verdicts_of
 from services.gnss_receiver.rinex_navigation_file import read_navigation
 from services.gnss_receiver.rinex_observation_file import read_observations
 from services.simulator.scenario_file import read_scenario
@@ -116,17 +120,39 @@ def rnx2rtkp_s(log: Log) -> float:
         )
 
 
-def solve(log: Log) -> int:
-    """Read the log and solve it by GPS single-point positions; gives the number of epochs."""
-    correction = Correction(Config(method="original", compare=(), systems="G"))
+def informed(log: Log, config: Config) -> Correction:
+    """A pipeline that knows what the log's satellites broadcast."""
+    correction = Correction(config)
     navigation = read_navigation(log.navigation)
     for ephemeris in navigation.ephemerides:
         correction.add(ephemeris)
     if navigation.ionosphere is not None:
         correction.add(navigation.ionosphere)
+    return correction
+
+
+def solve(log: Log, method: Method = "original") -> int:
+    """Read the log and solve it for GPS positions; gives the number of epochs."""
+    correction = informed(log, Config(method=method, compare=(), systems="G"))
     observations = read_observations(log.rover)
     correction.block(observations)
     return len(observations)
+
+
+def live_p99_ms(log: Log) -> float:
+    """99th percentile over the log's epochs: message in, fix and verdicts encoded, by the service's defaults [ms]."""
+    observations = read_observations(log.rover)
+    epochs = [observations.epoch(index) for index in range(len(observations))]
+    correction = informed(log, Config())
+    took_s = []
+    for epoch in epochs:
+        started = time.perf_counter()
+        corrected = correction.epoch(epoch)
+        for method in correction.methods:
+            encode(fixes_of(corrected, method)[0])
+        encode(verdicts_of(corrected)[0])
+        took_s.append(time.perf_counter() - started)
+    return 1e3 * sorted(took_s)[int(0.99 * len(took_s))]
 
 
 def command_s(log: Log) -> float:
@@ -172,7 +198,8 @@ def measure(log: Log, rounds: int) -> list[Result]:
     rtklib = (lambda: rnx2rtkp_s(log)) if shutil.which("rnx2rtkp") else None
     sides: Sequence[tuple[str, Callable[[], float]]] = (
         ("single point, parsing included", lambda: seconds(lambda: solve(log))),
-        ("the same as a whole command", lambda: command_s(log)),
+        ("robust filter, parsing included", lambda: seconds(lambda: solve(log, "robust"))),
+        ("single point, as a whole command", lambda: command_s(log)),
     )
     for case, ours in sides:
         own_s, peer_s = alternate(rounds, ours, rtklib)
@@ -188,6 +215,9 @@ def measure(log: Log, rounds: int) -> list[Result]:
                 "" if rtklib else "rnx2rtkp: install rtklib",
             )
         )
+    live_p99_ms(log)
+    live_ms = statistics.median(live_p99_ms(log) for _ in range(rounds))
+    results.append(Result("live epoch to fix, p99", log.name, "ms", live_ms, "", None, None, "all default methods"))
     return results
 
 
