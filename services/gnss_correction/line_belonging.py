@@ -17,8 +17,10 @@ from services.gnss_correction.line_likelihood import level_of, weigh_cells
 from services.gnss_correction.line_windows import even
 from services.gnss_correction.solver_arrays import Float64s, Records
 
-ASIDE_M: Final = np.array([0.0, -320.0, -160.0, -80.0, -40.0, 40.0, 80.0, 160.0, 320.0])
+_STEPS_M: Final = (30.0, 60.0, 90.0, 120.0, 160.0, 200.0, 250.0, 320.0)
+ASIDE_M: Final = np.array([0.0, *_STEPS_M, *(-step for step in _STEPS_M)])
 """Where to look: the line itself, then to the right and to the left of it."""
+LOOK_AGAIN_S: Final = 1.0
 AVERAGING_S: Final = 10.0
 CLEARLY_BETTER: Final = 0.2
 """By so much less disagreement beside the line, the train is beside it."""
@@ -27,6 +29,9 @@ HOPELESS: Final = 0.6
 buildings half the satellites agree on the truth."""
 FAR_M: Final = 80.0
 """A free fix that stays further away than reflections take one,"""
+AWAY_M: Final = 60.0
+FREELY_BETTER: Final = 0.3
+"""A free fix that stays this far away, with so much less disagreement, is the better place. It is made to agree."""
 SUSPICIOUS: Final = 0.4
 """while satellites also disagree this much, tells the same."""
 RELIEF: Final = 0.8
@@ -41,15 +46,29 @@ def _levels(points: Float64s, tangents: Float64s, states: Float64s, sights: Reco
         levels[i] = level_of(points[i], tangents[i], states[i], sights)
 
 
+def _levels_around(point: Float64s, tangent: Float64s, free: Float64s, sights: Records) -> Float64s:
+    """Disagreement at each of ASIDE_M from a place and at the free fix, with clocks fitted there."""
+    left = np.cross(point / np.linalg.norm(point), tangent)
+    other = free if np.isfinite(free).all() else point
+    points = np.vstack([point + ASIDE_M[:, None] * left, other])
+    tangents = np.tile(tangent, (len(points), 1))
+    states = even(0.0, len(points)).states
+    weigh_cells(points, tangents, states, sights, 1.0, 0.0, _NO_WHEEL, np.zeros(len(points)))
+    levels = np.empty(len(points))
+    _levels(points, tangents, states, sights, levels)
+    return levels
+
+
 class Belonging:
     """Averages the disagreement on and beside the line, and the distance of free fixes from the believed place."""
 
     def __init__(self) -> None:
         """Know nothing yet."""
-        self._levels = np.zeros(len(ASIDE_M))
+        self._levels = np.zeros(len(ASIDE_M) + 1)
         self._followed = 0.0
         self._away_m = 0.0
         self._known_s = 0.0
+        self._looked_s = math.inf
         self._denied = False
 
     def take(
@@ -60,20 +79,18 @@ class Belonging:
         `followed` is the disagreement with the clocks followed so far, `free` (3,) the fix that knows
         nothing of the line, NaN where there is none.
         """
-        left = np.cross(point / np.linalg.norm(point), tangent)
-        points = point + ASIDE_M[:, None] * left
-        tangents = np.tile(tangent, (len(ASIDE_M), 1))
-        states = even(0.0, len(ASIDE_M)).states
-        weigh_cells(points, tangents, states, sights, 1.0, 0.0, _NO_WHEEL, np.zeros(len(ASIDE_M)))
-        levels = np.empty(len(ASIDE_M))
-        _levels(points, tangents, states, sights, levels)
         self._known_s = min(self._known_s + max(dt_s, 0.1), AVERAGING_S)
         gain = min(1.0, max(dt_s, 0.1) / self._known_s)
-        self._levels += (levels - self._levels) * gain
         self._followed += (followed - self._followed) * gain
         away_m = math.dist(free, point)
         if math.isfinite(away_m):
             self._away_m += (away_m - self._away_m) * gain
+        self._looked_s += dt_s
+        if self._looked_s >= LOOK_AGAIN_S:
+            self._levels += (_levels_around(point, tangent, free, sights) - self._levels) * min(
+                1.0, min(self._looked_s, AVERAGING_S) / self._known_s
+            )
+            self._looked_s = 0.0
 
     def denial(self) -> str:
         """Why the train is not on the line; empty when it may well be."""
@@ -82,10 +99,12 @@ class Belonging:
         return reason
 
     def _reason(self, relief: float) -> str:
-        here, beside = float(self._levels[0]), int(np.argmin(self._levels))
+        here, beside = float(self._levels[0]), int(np.argmin(self._levels[:-1]))
         if here - float(self._levels[beside]) > CLEARLY_BETTER * relief:
             side = "left" if ASIDE_M[beside] > 0.0 else "right"
             return f"not on the line: the satellites agree about {math.fabs(ASIDE_M[beside]):.0f} m {side} of it"
+        if self._away_m > AWAY_M * relief and here - float(self._levels[-1]) > FREELY_BETTER * relief:
+            return f"not on the line: the satellites agree {self._away_m:.0f} m away from it"
         if self._followed > HOPELESS * relief:
             return f"not on the line: {100.0 * self._followed:.0f} % disagreement of the satellites at its best place"
         if self._away_m > FAR_M * relief and self._followed > SUSPICIOUS * relief:
