@@ -57,19 +57,22 @@ def _rejected_because(corrected: Corrected, seen: _Seen, i: int, t_s: float) -> 
     config, prepared = corrected.config, corrected.prepared
     match Rejection(seen.rejection):
         case Rejection.STALE_EPHEMERIS:
-            return selection_reason(corrected.table, seen.satellite, t_s, int(prepared.rows["ephemeris"][i]))
+            reason = selection_reason(corrected.table, seen.satellite, t_s, int(prepared.rows["ephemeris"][i]))
         case Rejection.ABSURD_PSEUDORANGE:
-            return f"absurd pseudorange of {seen.pseudorange_m:.6g} m"
+            reason = f"absurd pseudorange of {seen.pseudorange_m:.6g} m"
         case Rejection.BELOW_MASK if seen.elevation_rad is not None:
-            return f"elevation {np.degrees(seen.elevation_rad):.1f}° below the mask of {config.elevation_mask_deg:g}°"
+            reason = f"elevation {np.degrees(seen.elevation_rad):.1f}° below the mask of {config.elevation_mask_deg:g}°"
+        case Rejection.UNCORRECTED:
+            reason = corrected.differential.rows.get(i, REJECTION_WORDS[Rejection.UNCORRECTED])
         case Rejection.WEAK_SIGNAL:
-            return f"{seen.strength_dbhz:.0f} dB-Hz below the mask of {config.cn0_mask_dbhz:g} dB-Hz"
+            reason = f"{seen.strength_dbhz:.0f} dB-Hz below the mask of {config.cn0_mask_dbhz:g} dB-Hz"
         case Rejection.CONTRADICTS if seen.residual_m is not None:
-            return f"contradicts the other satellites by {abs(seen.residual_m) / 1000.0:.1f} km"
+            reason = f"contradicts the other satellites by {abs(seen.residual_m) / 1000.0:.1f} km"
         case Rejection.INCONSISTENT if seen.residual_m is not None:
-            return f"{REJECTION_WORDS[Rejection.INCONSISTENT]} by {seen.residual_m:+.1f} m"
+            reason = f"{REJECTION_WORDS[Rejection.INCONSISTENT]} by {seen.residual_m:+.1f} m"
         case rejection:
-            return REJECTION_WORDS[rejection]
+            reason = REJECTION_WORDS[rejection]
+    return reason
 
 
 def _judged(judgement: Judgement | None, config: Config, adjusted_by_m: float | None) -> str:
@@ -86,6 +89,12 @@ def _judged(judgement: Judgement | None, config: Config, adjusted_by_m: float | 
     if config.method == "adjust" and judgement.substitute is None:
         return f"{found}, adjusted for {config.longest_adjusting_s:g} s already: left out"
     return found + (", left out" if config.method == "remove" else "")
+
+
+def _correction_age_s(corrected: Corrected, i: int) -> float | None:
+    """Age of the reference station's correction of row `i`; None where it has none."""
+    row = corrected.prepared.rows[i]
+    return float(row["correction_age_s"]) if row["correction_sigma_m"] > 0.0 else None
 
 
 def _verdict(
@@ -120,6 +129,7 @@ def _verdict(
         residual_m=seen.residual_m,
         adjusted_by_m=adjusted_by_m,
         adjusted_rate_by_mps=adjusted_rate_by_mps,
+        correction_age_s=_correction_age_s(corrected, i),
     )
 
 

@@ -60,7 +60,8 @@ def test_no_point_of_a_line_is_nearer_than_its_distance(
     share = np.linspace(0.0, 1.0, 11)[:, None]
     on_line = np.vstack([a + share * (b - a) for a, b in pairwise(vertices)])
     for point, distance in zip(points, distances, strict=True):
-        assert distance <= np.linalg.norm(on_line - point, axis=1).min() + 1e-9
+        # A piece shorter than a micrometre counts as its first end.
+        assert distance <= np.linalg.norm(on_line - point, axis=1).min() + 1e-6
 
 
 def test_table_1_has_the_papers_four_figures() -> None:
