@@ -155,6 +155,8 @@ class SatelliteVerdict(Part, frozen=True, kw_only=True):
     """Substituted minus measured pseudorange, where one was substituted."""
     adjusted_rate_by_mps: float | None = None
     """Substituted minus measured range rate (by Doppler), where one was substituted; the carrier phase goes with it."""
+    correction_age_s: float | None = None
+    """Age of the reference station's correction, where it was corrected."""
 
 
 class Verdicts(Message, frozen=True, kw_only=True):
@@ -184,6 +186,8 @@ class Fix(Message, frozen=True, kw_only=True):
     clock_bias_m: float | None = None
     satellites_used: int
     satellites_flagged: int
+    satellites_corrected: int = 0
+    """Of those used, how many by a reference station."""
     sigma_horizontal_m: Metres | None = None
     """One standard deviation of the horizontal position by the weights and the residuals; not a bound."""
     bound_m: Metres | None = None
@@ -251,7 +255,7 @@ class SatelliteCorrection(Part, frozen=True, kw_only=True):
     toe_s: float
     """Reference time of that ephemeris."""
     correction_m: float
-    """To be added to the pseudorange. Holds the atmosphere above the station: apply no model besides."""
+    """To be added to the pseudorange. Holds the air above the station: of models add at most the places' difference."""
     rate_mps: float
     """Change of the correction [m/s]."""
     sigma_m: Metres

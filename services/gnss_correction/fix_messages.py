@@ -124,6 +124,19 @@ def _reasons(corrected: Corrected, solution: Solution) -> list[str]:
     return reasons
 
 
+def _reasons_with_corrections(corrected: Corrected, solution: Solution) -> list[str]:
+    """Reasons, and why an epoch that should be corrected by a reference station is not."""
+    said = zip(_reasons(corrected, solution), corrected.differential.epochs, strict=True)
+    return ["; ".join(words for words in both if words) for both in said]
+
+
+def _corrected_satellites(corrected: Corrected, solution: Solution) -> list[int]:
+    """How many of the satellites in each solution a reference station corrected."""
+    by_station = (solution.rows["rejection"] == Rejection.USABLE) & (solution.rows["correction_sigma_m"] > 0.0)
+    total = np.concatenate([[0], np.cumsum(by_station)])
+    return np.diff(total[corrected.prepared.first_row]).tolist()  # type: ignore[no-any-return]  # numpy's stubs say Any
+
+
 def _optional(epochs: Records, name: str) -> list[float | None]:
     """A column that not every method has, such as the horizontal bound; None where there is none."""
     return numbers(epochs[name]) if name in (epochs.dtype.names or ()) else [None] * len(epochs)
@@ -138,9 +151,10 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
         corrected.gps_week,
         corrected.tow_s,
         epochs["outcome"].tolist(),
-        _reasons(corrected, solution),
+        _reasons_with_corrections(corrected, solution),
         epochs["used"].tolist(),
         corrected.flagged,
+        _corrected_satellites(corrected, solution),
         *(_optional(epochs, name) for name in _OPTIONAL),
         *(numbers(epochs[name]) for name in _FIGURES),
         strict=True,
@@ -162,6 +176,7 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
             clock_bias_m=clock_m if outcome in _STATUS else None,
             satellites_used=used if outcome in _STATUS else 0,
             satellites_flagged=flagged,
+            satellites_corrected=by_station if outcome in _STATUS else 0,
             sigma_horizontal_m=sigma_m if outcome in _STATUS else None,
             bound_m=bound_m,
             chainage_m=chainage_m,
@@ -177,6 +192,7 @@ def fixes_of(corrected: Corrected, method: Method) -> list[Fix]:
             reason,
             used,
             flagged,
+            by_station,
             bound_m,
             chainage_m,
             chainage_bound_m,

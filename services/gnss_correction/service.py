@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere
+from schemas.gnss import Corrections, Ephemeris, Epoch, Fix, Ionosphere
 from schemas.topics import (
     GNSS_COMPARISON,
+    GNSS_CORRECTION,
     GNSS_EPHEMERIS,
     GNSS_EPOCH,
     GNSS_FIX,
@@ -25,7 +28,7 @@ from services.gnss_correction.settings import Config
 from services.gnss_correction.thresholds_file import read_thresholds
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.line.line_file import read_line
-from services.runtime.node import Node, Service
+from services.runtime.node import Arrival, Node, Service
 
 MOST_DEVICES: Final = 16
 """Receivers of one train; more are a mistake in somebody's keys."""
@@ -86,6 +89,7 @@ async def _answer(node: Node, device: str, correction: Correction, epoch: Epoch,
 async def run(node: Node, config: Config) -> None:
     """Answer epochs until asked to stop; every epoch gets a fix or a reason."""
     arrivals = node.arrivals(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE)
+    corrected = node.arrivals(GNSS_CORRECTION, anywhere=True)
     line = None
     if config.line_file:
         line = Line(await node.in_thread(lambda: read_line(Path(config.line_file))))
@@ -94,27 +98,46 @@ async def run(node: Node, config: Config) -> None:
     if config.thresholds_file:
         thresholds = await node.in_thread(lambda: read_thresholds(Path(config.thresholds_file)))
     node.ready()
-    finder = FrontEndFinder(config.antennas, config.facing)
     corrections: dict[str, Correction] = {}
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(_take_corrections(node, config, corrected, corrections), name="corrections")
+        finder = FrontEndFinder(config.antennas, config.facing)
+        async for arrival in arrivals:
+            device = arrival.fields["device"]
+            if device not in corrections:
+                if len(corrections) == MOST_DEVICES:
+                    node.health.refuse(f"more than {MOST_DEVICES} receivers: {device}", node.clock.monotonic_s())
+                    continue
+                corrections[device] = Correction(config, thresholds=thresholds, line=line)
+            match arrival.message:
+                case Epoch() as epoch:
+                    await _answer(node, device, corrections[device], epoch, finder)
+                case Ephemeris() | Ionosphere() as broadcast:
+                    corrections[device].add(broadcast)
+
+
+async def _take_corrections(
+    node: Node, config: Config, arrivals: AsyncIterator[Arrival[Corrections]], corrections: dict[str, Correction]
+) -> None:
+    """Hand what a reference station of the line corrects to every receiver; one that begins later gets the next."""
     async for arrival in arrivals:
-        device = arrival.fields["device"]
-        if device not in corrections:
-            if len(corrections) == MOST_DEVICES:
-                node.health.refuse(f"more than {MOST_DEVICES} receivers: {device}", node.clock.monotonic_s())
-                continue
-            corrections[device] = Correction(config, thresholds=thresholds, line=line)
-        match arrival.message:
-            case Epoch() as epoch:
-                await _answer(node, device, corrections[device], epoch, finder)
-            case Ephemeris() | Ionosphere() as broadcast:
-                corrections[device].add(broadcast)
+        if config.reference and arrival.place.name != config.reference:
+            node.health.count("corrections_of_other_stations")
+            continue
+        node.health.count("corrections")
+        for device, correction in corrections.items():
+            refusal = correction.correct_by(arrival.message)
+            if refusal:
+                node.health.refuse(
+                    f"correction by {arrival.place.name} for {device}: {refusal}", node.clock.monotonic_s()
+                )
 
 
 SERVICE = Service(
     "gnss_correction",
     Config,
-    reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE),
+    reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE, GNSS_CORRECTION),
     writes=(GNSS_FIX, GNSS_COMPARISON, GNSS_FRONT_END, GNSS_VERDICT),
     run=run,
-    about="positions from GNSS epochs, with a multipath verdict on every satellite",
+    about="positions from GNSS epochs, corrected by a reference station, with a multipath verdict on every satellite",
 )
