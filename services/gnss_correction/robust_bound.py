@@ -132,7 +132,8 @@ def take_excess(rows: Records, memory: Memory, dt_s: float) -> None:
 def bound_m(memory: Memory, rules: Any, moved_m: float) -> float:  # noqa: ANN401 - numba record
     """Horizontal bound of the present state [m]."""
     now = memory.now[0]
-    fresh = now.excess * (1.0 + UNSETTLED * np.exp(-(now.t_s - now.started_s) / SETTLING_S))
+    settled_s = max(now.determined_s - now.started_s, 0.0)
+    fresh = now.excess * (1.0 + UNSETTLED * np.exp(-settled_s / SETTLING_S))
     variance = horizontal_variance_m2(memory.covariance, memory.level) + rules.common_m * rules.common_m
     variance += fresh * fresh * bias_variance_m2(memory)
     return float(rules.bound_factor * np.sqrt(variance) + moved_m)
