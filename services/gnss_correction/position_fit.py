@@ -17,7 +17,7 @@ from services.gnss_correction.line_of_sight import delay_m, direct, look
 from services.gnss_correction.normal_equations import factorise, solve_factorised
 from services.gnss_correction.rejection import Outcome, Rejection
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Ints, Records, Workspace
-from services.gnss_correction.weighting import cn0_variance_m2, elevation_variance_m2
+from services.gnss_correction.weighting import cn0_variance_m2, corrected_variance_m2, elevation_variance_m2
 
 CONVERGED_M: Final = 1e-4
 MOST_ROUNDS: Final = 20
@@ -46,7 +46,9 @@ def _mask_and_weigh(row: Any, rules: Any) -> None:  # noqa: ANN401 - numba recor
             row.rejection = _LOW
         elif row.strength_dbhz < rules.cn0_mask_dbhz:
             row.rejection = _WEAK
-    if rules.by_cn0 == 1:
+    if rules.by_cn0 == 1 and row.correction_sigma_m > 0.0:
+        row.variance_m2 = corrected_variance_m2(row)
+    elif rules.by_cn0 == 1:
         row.variance_m2 = cn0_variance_m2(row.elevation_rad, row.strength_dbhz)
     else:
         row.variance_m2 = elevation_variance_m2(row.elevation_rad)

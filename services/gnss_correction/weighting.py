@@ -7,13 +7,23 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from services.gnss_correction.kernel import kernel
+from services.gnss_receiver.observations import SYSTEMS
 
 Weights = Literal["elevation", "cn0"]
 
 MISSING_CN0_DBHZ: Final = 35.0
 """Stands in where a receiver gives no C/N0: a moderate signal."""
+CORRECTED_FLOOR_M: Final = 0.6
+"""What reflections at both places leave of a pseudorange under an open sky."""
+CORRECTED_CHANNEL_M: Final = 2.0
+CORRECTED_GEO_M: Final = 1.0
+LAST_OLD_GEO: Final = 5
+FIRST_NEW_GEO: Final = 59
+"""Numbers of the geostationary satellites of BeiDou (BDS-SIS-ICD-B1I 3.0, table 4-1)."""
 LOWEST_SINE: Final = 0.05
 """Sine of 3 degrees: below, the laws are not known to hold."""
+
+_GLONASS, _BEIDOU = SYSTEMS.index("R"), SYSTEMS.index("C")
 
 
 @kernel
@@ -37,6 +47,31 @@ def cn0_variance_m2(elevation_rad: Any, cn0_dbhz: Any) -> Any:  # noqa: ANN401 -
     sine = max(np.sin(elevation_rad), LOWEST_SINE)
     density = cn0_dbhz if np.isfinite(cn0_dbhz) else MISSING_CN0_DBHZ
     return 10.0 ** ((40.0 - density) / 10.0) / (sine * sine * sine)
+
+
+@kernel
+def corrected_extra_m2(row: Any) -> Any:  # noqa: ANN401 - numba record
+    """Variance [m²] that a correction brings in, and what it cannot take out of some satellites' pseudoranges.
+
+    Reflections of a geostationary satellite stand still and average out at neither place; GLONASS
+    channels are delayed differently by receivers of different make, and its code is coarser.
+    """
+    extra_m2 = row.correction_sigma_m * row.correction_sigma_m + CORRECTED_FLOOR_M * CORRECTED_FLOOR_M
+    if row.system == _GLONASS:
+        extra_m2 += CORRECTED_CHANNEL_M * CORRECTED_CHANNEL_M
+    number = row.satellite % 100
+    if row.system == _BEIDOU and (number <= LAST_OLD_GEO or number >= FIRST_NEW_GEO):
+        extra_m2 += CORRECTED_GEO_M * CORRECTED_GEO_M
+    return extra_m2
+
+
+@kernel
+def corrected_variance_m2(row: Any) -> Any:  # noqa: ANN401 - numba record
+    """Variance of a corrected pseudorange [m²]: that of `cn0_variance_m2`, and what the correction leaves.
+
+    The steep law stays: among buildings it stands for reflections, which no correction takes out.
+    """
+    return cn0_variance_m2(row.elevation_rad, row.strength_dbhz) + corrected_extra_m2(row)
 
 
 @kernel
