@@ -35,6 +35,7 @@ GALILEO_INAV: Final = 517.0
 GALILEO_FNAV: Final = 258.0
 """Data source E5a-I, clock for E5a and E1."""
 _EPOCH = datetime(1980, 1, 6)  # noqa: DTZ001 - the scale is the satellite system's own
+_DAY_S: Final = 86_400
 _URA_M: Final = (2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0)
 """IS-GPS-200N, 20.3.3.3.1.3; BeiDou and QZSS alike."""
 _NO_URA_M: Final = 8192.0
@@ -90,13 +91,15 @@ def full_week(week: int, weeks: int, near_week: int) -> int:
 
 
 def reference_week(week: int, of_week_s: float, near_s: float) -> int:
-    """Week in which a reference time lies: the transmitted one, or one beside where that is nearer to `near_s`.
+    """Week in which a reference time lies: the transmitted one, or the one beside it at the end of a week.
 
     The week in a message is that of its transmission; around the end of a week the reference time
-    lies in the next one already. Times count from the first week's start.
+    may lie in the other one. It does when that is within half a week of `near_s` and the transmitted
+    one is not. Times count from the first week's start.
     """
-    weeks = (week - 1, week, week + 1)
-    return min(weeks, key=lambda one: (abs(one * WEEK_S + of_week_s - near_s), abs(one - week)))
+    beside = week + 1 if of_week_s < _DAY_S else week - 1 if of_week_s > WEEK_S - _DAY_S else week
+    distances_s = [abs(one * WEEK_S + of_week_s - near_s) for one in (week, beside)]
+    return beside if distances_s[1] < WEEK_S / 2 < distances_s[0] else week
 
 
 def kepler_ephemeris(system: str, number: int, week: int, toc_s: float, named: Mapping[str, float]) -> Ephemeris:

@@ -23,11 +23,11 @@ class LockTimes:
         The lock now is `at_least_s` old and younger than `below_s`. A lock that held since then
         would be older than the one then by the time that has passed, so what is younger is new.
         Time that does not go forward means that the receiver began anew. A signal never seen
-        before counts as lost only where its lock has no age at all.
+        before counts as lost only where its lock has no age at all, which always means lost.
         """
         before = self._seen.get((satellite, signal))
         self._seen[satellite, signal] = gps_ms, at_least_s
-        if before is None:
+        if before is None or at_least_s == 0.0:
             return at_least_s == 0.0
         then_ms, then_s = before
         passed_s = (gps_ms - then_ms) / 1000.0

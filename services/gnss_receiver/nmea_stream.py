@@ -172,18 +172,18 @@ def _of_day_ns(text: str) -> int:
 
 
 def _date(kind: str, sentence: Any) -> date | None:  # noqa: ANN401 - the library's message
-    if sentence is None:
-        return None
     if kind == "RMC":
-        return sentence.date if isinstance(sentence.date, date) else None
+        named = getattr(sentence, "date", None)
+        return named if isinstance(named, date) else None
     try:
-        return date(int(sentence.year), int(sentence.month), int(sentence.day))
-    except (TypeError, ValueError):
+        return date(*(int(getattr(sentence, part)) for part in ("year", "month", "day")))
+    except (AttributeError, TypeError, ValueError):
         return None
 
 
-def _number(value: object) -> float | None:
-    """Field of a sentence; None for a blank or an impossible one."""
+def _number(sentence: Any, name: str) -> float | None:  # noqa: ANN401 - the library's message
+    """Field of a sentence; None for a blank or an impossible one, and where there is no sentence."""
+    value = getattr(sentence, name, None)
     number = float(value) if isinstance(value, int | float) else None
     return number if number is not None and math.isfinite(number) else None
 
@@ -192,15 +192,14 @@ def _position(t_ns: int, sentences: dict[str, Any]) -> OwnPosition:
     gga, rmc, gst = (sentences.get(kind) for kind in ("GGA", "RMC", "GST"))
     mode = _mode(gga, rmc)
     source: Any = gga if gga is not None else rmc
-    lat_deg, lon_deg = _number(source.lat), _number(source.lon)
+    lat_deg, lon_deg = _number(source, "lat"), _number(source, "lon")
     if mode in _NOT_MEASURED or lat_deg is None or lon_deg is None:
         return OwnPosition(t_ns=t_ns, protocol="nmea", status="none", mode=mode if mode in _NOT_MEASURED else "none")
     status: FixStatus = "predicted" if mode == "estimated" else "fix"
     ve_mps, vn_mps = _velocity(rmc)
-    height_m, separation_m = (None, None) if gga is None else (_number(gga.alt), _number(gga.sep))
-    deviations = [None] * 3 if gst is None else [_number(part) for part in (gst.stdLat, gst.stdLong, gst.stdAlt)]
-    north_m, east_m, up_m = deviations
-    satellites = None if gga is None else _number(gga.numSV)
+    height_m, separation_m = _number(gga, "alt"), _number(gga, "sep")
+    north_m, east_m, up_m = (_number(gst, name) for name in ("stdLat", "stdLong", "stdAlt"))
+    satellites = _number(gga, "numSV")
     return OwnPosition(
         t_ns=t_ns,
         protocol="nmea",
@@ -212,27 +211,26 @@ def _position(t_ns: int, sentences: dict[str, Any]) -> OwnPosition:
         ve_mps=ve_mps,
         vn_mps=vn_mps,
         satellites_used=None if satellites is None else int(satellites),
-        hdop=None if gga is None else _number(gga.HDOP),
+        hdop=_number(gga, "HDOP"),
         sigma_horizontal_m=None if north_m is None or east_m is None else math.hypot(north_m, east_m),
         sigma_vertical_m=None if up_m is None else abs(up_m),
-        correction_age_s=None if gga is None else _number(gga.diffAge),
+        correction_age_s=_number(gga, "diffAge"),
     )
 
 
 def _mode(gga: Any, rmc: Any) -> OwnMode:  # noqa: ANN401 - the library's messages
     """How the position was found; RMC's warning and its mode count where GGA says less."""
-    if rmc is not None and rmc.status != "A":
-        return "estimated" if getattr(rmc, "posMode", "") == "E" and rmc.lat != "" else "none"
+    if rmc is not None and getattr(rmc, "status", "V") != "A":
+        return "estimated" if getattr(rmc, "posMode", "") == "E" else "none"
     if gga is not None:
-        quality = gga.quality if isinstance(gga.quality, int) else 0
-        return _MODES[quality] if 0 <= quality < len(_MODES) else "none"
+        quality = _number(gga, "quality") or 0.0
+        return _MODES[int(quality)] if 0 <= quality < len(_MODES) else "none"
     return _RMC_MODES.get(getattr(rmc, "posMode", "A") or "A", "none")
 
 
 def _velocity(rmc: Any) -> tuple[float | None, float | None]:  # noqa: ANN401 - the library's message
     """East and north [m/s]; a standing receiver may leave the course blank."""
-    speed = None if rmc is None else _number(rmc.spd)
-    course = None if rmc is None else _number(rmc.cog)
+    speed, course = _number(rmc, "spd"), _number(rmc, "cog")
     if speed is None or (course is None and speed > 0.0):
         return None, None
     angle = math.radians(course or 0.0)

@@ -97,5 +97,9 @@ def recorded_ns(source: FileSource) -> int | None:
     """
     if not source.recorded:
         return None
-    day = datetime.fromisoformat(f"{source.recorded}T12:00:00").replace(tzinfo=UTC)
+    try:
+        day = datetime.fromisoformat(f"{source.recorded}T12:00:00").replace(tzinfo=UTC)
+    except ValueError as error:
+        msg = f"{source.path}: recorded on {source.recorded}: there is no such day"
+        raise ValueError(msg) from error
     return round(day.timestamp()) * NS

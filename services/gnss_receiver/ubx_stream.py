@@ -23,6 +23,8 @@ from services.gnss_receiver.lnav_subframes import LnavCollector
 from services.gnss_receiver.ubx_measurements import SYSTEMS, RawMeasurements
 
 _PVT, _RAWX, _SFRBX = b"\x01\x07", b"\x02\x15", b"\x02\x13"
+_SHORTEST_PVT: Final = 84
+"""Of u-blox 7; later ones have 92."""
 _SFRBX_HEAD: Final = 8
 _CHANNEL_ZERO: Final = 7
 _LAST_GEO, _SECOND_GEO = 5, 59
@@ -116,6 +118,9 @@ def own_position(message: bytes) -> OwnPosition | None:
 
     Raises ValueError for a message that cannot be read.
     """
+    if len(message) < _SHORTEST_PVT:
+        msg = f"NAV-PVT of {len(message)} bytes is cut short"
+        raise ValueError(msg)
     try:
         pvt = UBXMessage(_PVT[:1], _PVT[1:], GET, payload=message)
         if not (pvt.validDate and pvt.validTime):
@@ -126,7 +131,8 @@ def own_position(message: bytes) -> OwnPosition | None:
         raise ValueError(msg) from error
     since_s = round((moment - datetime(1970, 1, 1)).total_seconds()) + pvt.second  # noqa: DTZ001 - the same
     status, mode = _mode(pvt)
-    if status == "none" or pvt.invalidLlh:
+    age = getattr(pvt, "lastCorrectionAge", 0)
+    if status == "none" or getattr(pvt, "invalidLlh", False):
         return OwnPosition(t_ns=since_s * NS + pvt.nano, protocol="ubx", status="none", mode="none")
     return OwnPosition(
         t_ns=since_s * NS + pvt.nano,
@@ -142,7 +148,7 @@ def own_position(message: bytes) -> OwnPosition | None:
         satellites_used=pvt.numSV,
         sigma_horizontal_m=pvt.hAcc / 1000.0,
         sigma_vertical_m=pvt.vAcc / 1000.0,
-        correction_age_s=_AGES_S[pvt.lastCorrectionAge] if pvt.lastCorrectionAge < len(_AGES_S) else None,
+        correction_age_s=_AGES_S[age] if age < len(_AGES_S) else None,
     )
 
 
