@@ -28,10 +28,10 @@ HOPELESS: Final = 0.6
 """So much disagreement with the place and the clocks followed so far, and the train is elsewhere: even deep among
 buildings half the satellites agree on the truth."""
 FAR_M: Final = 80.0
-"""A free fix that stays further away than reflections take one,"""
+"""Free fixes that stay further from the line than reflections take them,"""
 AWAY_M: Final = 60.0
 FREELY_BETTER: Final = 0.3
-"""A free fix that stays this far away, with so much less disagreement, is the better place. It is made to agree."""
+"""A free fix that stays this far from the line, with so much less disagreement, tells so too."""
 SUSPICIOUS: Final = 0.4
 """while satellites also disagree this much, tells the same."""
 RELIEF: Final = 0.8
@@ -60,7 +60,7 @@ def _levels_around(point: Float64s, tangent: Float64s, free: Float64s, sights: R
 
 
 class Belonging:
-    """Averages the disagreement on and beside the line, and the distance of free fixes from the believed place."""
+    """Averages the disagreement on and beside the line, and the distance of free fixes from it."""
 
     def __init__(self) -> None:
         """Know nothing yet."""
@@ -72,17 +72,23 @@ class Belonging:
         self._denied = False
 
     def take(
-        self, point: Float64s, tangent: Float64s, sights: Records, followed: float, free: Float64s, dt_s: float
+        self,
+        point: Float64s,
+        tangent: Float64s,
+        sights: Records,
+        followed: float,
+        free: Float64s,
+        away_m: float,
+        dt_s: float,
     ) -> None:
         """Take in an epoch at the believed place (3,), Earth-fixed like the tangent there.
 
         `followed` is the disagreement with the clocks followed so far, `free` (3,) the fix that knows
-        nothing of the line, NaN where there is none.
+        nothing of the line and `away_m` its distance from the line, NaN where there is none.
         """
         self._known_s = min(self._known_s + max(dt_s, 0.1), AVERAGING_S)
         gain = min(1.0, max(dt_s, 0.1) / self._known_s)
         self._followed += (followed - self._followed) * gain
-        away_m = math.dist(free, point)
         if math.isfinite(away_m):
             self._away_m += (away_m - self._away_m) * gain
         self._looked_s += dt_s
@@ -108,5 +114,5 @@ class Belonging:
         if self._followed > HOPELESS * relief:
             return f"not on the line: {100.0 * self._followed:.0f} % disagreement of the satellites at its best place"
         if self._away_m > FAR_M * relief and self._followed > SUSPICIOUS * relief:
-            return f"not on the line: free fixes are {self._away_m:.0f} m from its best place"
+            return f"not on the line: free fixes are {self._away_m:.0f} m away from it"
         return ""

@@ -60,6 +60,8 @@ FEWEST_SIGHTS: Final = 3
 FEWEST_TO_START: Final = 4
 COARSE_M: Final = 8.0
 """Steps in which the whole line is searched at first."""
+COARSE_CELLS: Final = 8
+"""The same in cells."""
 WORST_SEED: Final = 40.0
 """Cost above the best at which a coarse place is no candidate any more."""
 SEARCH_AGAIN_S: Final = 1.0
@@ -260,14 +262,25 @@ class LineFilter:
                 one.states[:, VAR_SPEED] += LOST_SPEED_M2PS2
                 one.states[:, VAR_DRIFT] += LOST_DRIFT_M2PS2
 
-    def _doubt(self, sigma_state: Float64s) -> None:
-        """Give the neighbourhood a little probability anew, so that a place believed wrongly can be left."""
+    def _doubt(self, place_m: float, state: Float64s) -> None:
+        """Give the neighbourhood of a place a little probability anew, so that one believed wrongly can be left.
+
+        Speed and drift are taken from `state`.
+        """
         self._doubted_s = self._t_s
-        fresh = even(round(self._best.axis_m - DOUBT_REACH_M), 2 * int(DOUBT_REACH_M) + 1)
+        fresh = even(float(round(place_m - DOUBT_REACH_M)), 2 * int(DOUBT_REACH_M) + 1)
         fresh.mass *= DOUBT_MASS / len(fresh.mass)
-        fresh.states[:, :CLOCK] = sigma_state[:CLOCK]
+        fresh.states[:, :CLOCK] = state[:CLOCK]
         fresh.states[:, VAR_SPEED] += DOUBT_SPEED_MPS**2
         self._windows.append(fresh)
+
+    def _foot_of_free(self) -> tuple[float, float]:
+        """Place along the axis nearest to the fix without the line, and its distance; NaN without such a fix."""
+        if not np.isfinite(self._free_m).all():
+            return math.nan, math.nan
+        distance = np.linalg.norm(self._table[::COARSE_CELLS, :3] - self._free_m, axis=1)
+        nearest = int(np.argmin(distance))
+        return nearest * COARSE_CELLS - OVERHANG_M, float(distance[nearest])
 
     def _answer(self, sights: Records) -> LineEstimate:
         """Settle the windows and say where the train is."""
@@ -280,14 +293,17 @@ class LineFilter:
         point, tangent = cells_at(self._table, main.places_m[mode.cell : mode.cell + 1])
         level = level_of(point[0], tangent[0], main.states[mode.cell], sights)
         dt_s = max(self._coasting.time_s, 0.01)
-        self._belonging.take(point[0], tangent[0], sights, level, self._free_m, dt_s)
+        free_axis_m, away_m = self._foot_of_free()
+        self._belonging.take(point[0], tangent[0], sights, level, self._free_m, away_m, dt_s)
         self._level += (level - self._level) * min(1.0, dt_s / LEVEL_S)
         self._coasting = Coasting(mode.speed_mps, mode.speed_m2ps2)
         bound_m = min(bound_of(self._windows, mode.axis_m, self._level, sights), self.axis.length_m)
         axis_m = min(max(mode.axis_m, 0.0), self.axis.length_m)
         self._best = LineEstimate("fix", "", axis_m, bound_m, mode.speed_mps, len(sights), level, mode.sigma_m)
         if self._level > DOUBTFUL_LEVEL and self._t_s - self._doubted_s > DOUBT_AGAIN_S:
-            self._doubt(main.states[mode.cell])
+            self._doubt(self._best.axis_m, main.states[mode.cell])
+            if away_m < DOUBT_REACH_M < abs(free_axis_m - axis_m):
+                self._doubt(free_axis_m, main.states[mode.cell])
         denial = self._belonging.denial()
         if denial:
             if self._t_s - self._searched_s > AWAY_SEARCH_S:
