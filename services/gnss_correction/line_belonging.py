@@ -24,7 +24,7 @@ LOOK_AGAIN_S: Final = 1.0
 AVERAGING_S: Final = 10.0
 CLEARLY_BETTER: Final = 0.2
 """By so much less disagreement beside the line, the train is beside it."""
-HOPELESS: Final = 0.6
+HOPELESS: Final = 0.68
 """So much disagreement with the place and the clocks followed so far, and the train is elsewhere: even deep among
 buildings half the satellites agree on the truth."""
 FAR_M: Final = 80.0
