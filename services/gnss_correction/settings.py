@@ -40,6 +40,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     smooth_s: Annotated[float, Meta(ge=0.0, le=3_600.0)] = 0.0
     """Time constant with which pseudoranges are smoothed by the carrier phase (Hatch 1982); 0 does not smooth. 100 s
     is usual; in town slips leave little of it."""
+    reference: Annotated[str, Meta(pattern=r"^$|^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")] = ""
+    """Wayside place whose reference station corrects the pseudoranges; empty for whichever on the line speaks first."""
     longest_correction_age_s: Annotated[float, Meta(gt=0.0, le=600.0)] = 30.0
     """Corrections of a reference station are used for so long after the instant for which they were made."""
     most_pdop: Positive = 30.0

@@ -11,9 +11,10 @@ import pytest
 from schemas.gnss import Corrections, Ephemeris, Epoch, Fix, Method, SatelliteVerdict
 from services.gnss_correction.differential import CorrectionTable
 from services.gnss_correction.fix_messages import fixes_of
-from services.gnss_correction.geodesy import ecef_from_geodetic, enu_about
+from services.gnss_correction.geodesy import enu_about
 from services.gnss_correction.pipeline import Correction, block_of
 from services.gnss_correction.settings import Config
+from services.gnss_correction.station_sight import station_at
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.gnss_reference.reference_correction import ReferenceStation, StationSettings
 from tests.unit.gnss_correction.made_up_sky import PLACE_DEG, START_S, constellation, measured
@@ -21,7 +22,7 @@ from tests.unit.gnss_correction.made_up_sky import PLACE_DEG, START_S, constella
 SKY = constellation() + constellation("E")
 BASE_DEG = (PLACE_DEG[0] + 0.01, PLACE_DEG[1] - 0.01, PLACE_DEG[2] + 5.0)
 """1.4 km away."""
-BASE_M = np.array(ecef_from_geodetic(*np.radians(BASE_DEG[:2]), BASE_DEG[2]))
+BASE_M = station_at(*BASE_DEG).place_m
 CLOCKS_S = 1e-3
 """Both receivers stamp by their own clocks, which are microseconds off."""
 EXACT_M = 0.02
@@ -170,7 +171,7 @@ def test_a_correction_of_another_signal_is_not_used() -> None:
 
 def found_m(reason: str) -> float:
     """Distance in a reason."""
-    return float(reason.split("stand ")[1].split(" m")[0])
+    return float(reason.split("stand ")[1].split(" m", maxsplit=1)[0])
 
 
 @pytest.mark.parametrize("east_deg", [0.0011, -0.0011])
@@ -184,7 +185,7 @@ def test_a_station_that_is_a_hundred_metres_away_corrects_nothing(east_deg: floa
 def carried_off(made: Corrections, north_m: float) -> Corrections:
     """Corrections of a station that believes itself elsewhere and does not notice."""
     lat_deg = made.lat_deg + np.degrees(north_m / 6.36e6)
-    place_m = np.array(ecef_from_geodetic(*np.radians((lat_deg, made.lon_deg)), made.h_m))
+    place_m = station_at(float(lat_deg), made.lon_deg, made.h_m).place_m
     ranges = [
         np.linalg.norm(position - place_m) - np.linalg.norm(position - BASE_M) for position in satellite_places(made)
     ]
