@@ -38,6 +38,9 @@ COMMON_M: Final = 2.5
 COMMON_WITHOUT_IONOSPHERE_M: Final = 5.0
 """The same where nothing was broadcast about the ionosphere."""
 EXCESS_HELD_S: Final = 10.0
+UNINFORMED: Final = 1.8
+"""Least excess where no satellite has both Doppler and C/N0: without the one the velocity is guessed from reflected
+pseudoranges, without the other nobody knows which are."""
 SETTLING_S: Final = 12.0
 UNSETTLED: Final = 3.0
 """A first epoch among buildings fits a wrong place as well as the right one: its bias counts four times."""
@@ -116,16 +119,18 @@ def bias_variance_m2(memory: Memory) -> float:
 @kernel
 def take_excess(rows: Records, memory: Memory, dt_s: float) -> None:
     """Root mean square of the weighted normalised residuals, the good signals counting most; held and decaying."""
-    above, below = 0.0, 1e-12
+    above, below, least = 0.0, 1e-12, UNINFORMED
     for k in range(rows.size):
         row = rows[k]
         if row.rejection == _USABLE:
             square = row.residual_m * row.residual_m / row.variance_m2
             above += (FREEDOM + 1.0) * square / (FREEDOM + square) / np.sqrt(row.variance_m2)
             below += 1.0 / np.sqrt(row.variance_m2)
+            if np.isfinite(row.range_rate_mps) and np.isfinite(row.strength_dbhz):
+                least = 1.0
     now = memory.now[0]
     held = 1.0 + max(now.excess - 1.0, 0.0) * np.exp(-dt_s / EXCESS_HELD_S)
-    now.excess = max(np.sqrt(above / below), held)
+    now.excess = max(np.sqrt(above / below), held, least)
 
 
 @kernel

@@ -43,7 +43,7 @@ HUBER: Final = 1.5
 """Normalised residual from which on the convex cost grows linearly (Huber 1964)."""
 
 _GLONASS = SYSTEMS.index("R")
-_LOSS_UNKNOWN_DB: Final = 6.0
+_LOSS_UNKNOWN_DB: Final = 13.0
 
 
 @kernel
