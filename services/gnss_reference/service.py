@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections import Counter
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
 from schemas.gnss import Corrections, Ephemeris, Epoch, Ionosphere, OwnPosition
-from schemas.topics import GNSS_CORRECTION
+from schemas.topics import GNSS_CORRECTION, GNSS_EPHEMERIS
 from services.gnss_correction.pipeline import block_of
 from services.gnss_receiver.heard import StationPosition
 from services.gnss_receiver.reception import Reception
@@ -53,23 +55,60 @@ class Config(Reception, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 async def run(node: Node, config: Config) -> None:
     """Correct until the recording ends or the service is to stop; raises what `receive` raises, and OSError."""
+    await node.in_thread(_warm_up)
     outlet = None if config.rtcm is None else Outlet(config.rtcm.host, config.rtcm.port)
+    station = _Station(node, config, outlet)
     try:
-        station = _Station(node, config, outlet)
-        async for heard in receive(node, config):
-            match heard:
-                case Epoch():
-                    await station.epoch(heard)
-                case Ephemeris() | Ionosphere():
-                    station.broadcast(heard)
-                case StationPosition():
-                    station.place.hear(heard)
-                case OwnPosition():
-                    # A receiver's own idea of its position is no survey.
-                    node.health.count("own_positions_unused")
+        async with asyncio.TaskGroup() as group:
+            listening = group.create_task(_hear_trains(node, station))
+            await _hear_receiver(node, config, station)
+            listening.cancel()
+    except ExceptionGroup as failed:
+        # What ends the service is told as it is, whichever of the two met it.
+        raise failed.exceptions[0] from failed
     finally:
         if outlet is not None:
             outlet.close()
+
+
+def _warm_up() -> None:
+    """Compile the kernels, or load them from their cache, before the first epoch waits for them."""
+    nothing = np.empty(0)
+    epoch = Epoch(
+        t_ns=0,
+        gps_week=0,
+        tow_s=0.0,
+        satellites=(),
+        signals=(),
+        pseudorange_m=nothing,
+        carrier_phase_cycles=nothing,
+        doppler_hz=nothing,
+        cn0_dbhz=nothing,
+        lock_lost=np.empty(0, np.uint8),
+    )
+    for _ in ReferenceStation("", (0.0, 0.0, 0.0), StationSettings()).block(block_of(epoch)):
+        pass
+
+
+async def _hear_receiver(node: Node, config: Config, station: _Station) -> None:
+    async for heard in receive(node, config):
+        match heard:
+            case Epoch():
+                await station.epoch(heard)
+            case Ephemeris() | Ionosphere():
+                station.broadcast(heard)
+            case StationPosition():
+                station.place.hear(heard)
+            case OwnPosition():
+                # A receiver's own idea of its position is no survey.
+                node.health.count("own_positions_unused")
+
+
+async def _hear_trains(node: Node, station: _Station) -> None:
+    """Take ephemerides from the trains, too: many base stations send none, and the sky is the same."""
+    async for arrival in node.arrivals(GNSS_EPHEMERIS, anywhere=True):
+        node.health.count("ephemerides_from_trains")
+        station.broadcast(arrival.message)
 
 
 class _Station:
@@ -144,7 +183,7 @@ class _Station:
 SERVICE = Service(
     "gnss_reference",
     Config,
-    reads=(),
+    reads=(GNSS_EPHEMERIS,),
     writes=(GNSS_CORRECTION,),
     run=run,
     about="a GNSS receiver at a known place beside the line: what is wrong with every satellite's pseudorange there",

@@ -11,14 +11,16 @@ import msgspec
 import pytest
 
 from schemas.gnss import Corrections, Ephemeris, Epoch
-from schemas.topics import GNSS_CORRECTION, Place
+from schemas.topics import GNSS_CORRECTION, GNSS_EPHEMERIS, Place
 from services.gnss_correction.geodesy import ecef_from_geodetic
 from services.gnss_receiver.heard import StationPosition
 from services.gnss_receiver.reception import FileSource
+from services.gnss_receiver.rinex_error import RinexError
 from services.gnss_receiver.rtcm_ephemerides import read_ephemeris, write_ephemeris
 from services.gnss_receiver.rtcm_messages import framed, number_of
 from services.gnss_receiver.rtcm_msm_writing import MsmWriter
 from services.gnss_receiver.rtcm_station import write_station
+from services.gnss_receiver.service import SERVICE as RECEIVER
 from services.gnss_reference.service import SERVICE, Config, RtcmOut
 from services.gnss_reference.station_place import StationPlace
 from services.runtime.clock import ManualClock
@@ -192,3 +194,29 @@ def test_observations_are_given_as_rtcm(tmp_path: Path) -> None:
     assert {one.station for one in places} == {77}
     assert places[0].position_m == pytest.approx(PLACE, abs=1e-4)
     assert sorted(one.satellite for one in heard if isinstance(one, Ephemeris)) == sorted(one.satellite for one in SKY)
+
+
+def test_ephemerides_come_from_trains_where_the_base_sends_none(tmp_path: Path) -> None:
+    path = tmp_path / "base.rtcm3"
+    path.write_bytes(b"".join(frames(EPOCHS)))
+
+    async def main() -> tuple[list[Corrections], dict[str, int]]:
+        clock = ManualClock(asyncio.get_running_loop(), NEAR_NS)
+        bus = MemoryBus()
+        train = MemoryNode(bus, RECEIVER, Place("demo", "train", "T1"), clock)
+        reader, node = MemoryNode(bus, READER, DEPOT, clock), MemoryNode(bus, SERVICE, DEPOT, clock)
+        messages = reader.messages(GNSS_CORRECTION)
+        for one in SKY:
+            await train.publish(GNSS_EPHEMERIS, one, device="front", satellite=one.satellite)
+        await node.run(Config(source=FileSource(path=str(path), recorded=DAY), position=PLACE_DEG))
+        reader.stop()
+        return [one async for one in messages], node.health.counts
+
+    published, counts = run_manual(main())
+    assert counts["ephemerides_from_trains"] == len(SKY)
+    assert len(published[-1].satellites) >= 6
+
+
+def test_a_recording_that_cannot_be_read_ends_the_service(tmp_path: Path) -> None:
+    with pytest.raises(RinexError, match="holds no RTCM 3, UBX or NMEA"):
+        play(tmp_path, b"nothing", PLACE_DEG)
