@@ -244,6 +244,15 @@ class OwnPosition(Message, frozen=True, kw_only=True):
     """Age of the corrections that it uses."""
 
 
+class SignalDifference(Part, frozen=True, kw_only=True):
+    """How the correction of a further signal of a satellite differs."""
+
+    signal: str
+    difference_m: float
+    """To be added to the satellite's correction for this signal; the same constant may be missing from all of a
+    constellation."""
+
+
 class SatelliteCorrection(Part, frozen=True, kw_only=True):
     """What a reference station found to be wrong with one satellite's pseudorange."""
 
@@ -263,6 +272,8 @@ class SatelliteCorrection(Part, frozen=True, kw_only=True):
     """Above the station's horizon."""
     smoothed_s: float
     """Time over which the carrier has smoothed it; 0 for the code alone."""
+    others: tuple[SignalDifference, ...] = ()
+    """Further signals of the satellite."""
 
 
 class SatelliteRefusal(Part, frozen=True, kw_only=True):

@@ -45,6 +45,8 @@ class CorrectionSet:
     correction_m: Float64s
     rate_mps: Float64s
     sigma_m: Float64s
+    others: dict[tuple[int, str], float]
+    """By satellite code and further signal: what is to be added to the correction for it [m]."""
     refused: dict[int, str]
     """Satellites that the station refused, or that are not believed, and why."""
     checked: bool = field(default=False)
@@ -97,6 +99,12 @@ def correction_set(message: Corrections) -> CorrectionSet:
         correction_m=np.array([one.correction_m for one in given]),
         rate_mps=np.array([one.rate_mps for one in given]),
         sigma_m=np.array([one.sigma_m for one in given]),
+        others={
+            (code, other.signal): other.difference_m
+            for code, one in kept.items()
+            for other in one.others
+            if math.isfinite(other.difference_m)
+        },
         refused=refused,
     )
 

@@ -17,6 +17,7 @@ out would stand against those that they leave.
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -28,10 +29,12 @@ from schemas.gnss import Corrections
 from schemas.gnss_time import WEEK_S
 from services.gnss_correction.correction_set import CorrectionSet, check, correction_set
 from services.gnss_correction.ephemeris_table import EphemerisTable
+from services.gnss_correction.other_signals import SignalAverages, centred, signal_differences
 from services.gnss_correction.preparation import Prepared
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.solver_arrays import Float64s, Records
 from services.gnss_correction.station_sight import lines_enu, see_from
+from services.gnss_receiver.observations import Observations
 
 AHEAD_S: Final = 1e-3
 """A station's clock may be ahead of a receiver's by so much and its corrections still be of the same instant."""
@@ -60,8 +63,9 @@ class Differential:
 class CorrectionTable:
     """The latest corrections of one reference station, and the satellites' corrections at any time."""
 
-    def __init__(self, longest_age_s: float) -> None:
-        """Have heard of no station."""
+    def __init__(self, longest_age_s: float, smooth_s: float = 0.0) -> None:
+        """Have heard of no station; further signals are averaged over `smooth_s`."""
+        self._signals = SignalAverages(smooth_s)
         self.longest_age_s = longest_age_s
         self._sets: list[CorrectionSet] = []
 
@@ -112,7 +116,7 @@ class CorrectionTable:
         )
 
     def apply(
-        self, prepared: Prepared, signals: tuple[str, ...], table: EphemerisTable, rules: np.void
+        self, prepared: Prepared, observations: Observations, table: EphemerisTable, rules: np.void
     ) -> Differential:
         """Fill the corrections of a block's rows in place, and leave out rows without where others have one."""
         epochs, rows = [], dict[int, str]()
@@ -125,8 +129,25 @@ class CorrectionTable:
             if not np.isfinite(t_s):
                 epochs.append("")
                 continue
-            epochs.append(self._correct(seen, t_s, week_s, signals, table, rules, first[k], rows))
+            said = self._correct(seen, t_s, week_s, observations.signals, table, rules, first[k], rows)
+            if not said:
+                self._take_others(seen, observations, k, t_s + week_s)
+            epochs.append(said)
         return Differential(epochs or [""] * (len(first) - 1), rows)
+
+    def _take_others(self, seen: Records, observations: Observations, epoch: int, gps_s: float) -> None:
+        """Let the further signals of corrected satellites bear on their corrections."""
+        rows = seen[seen["correction_sigma_m"] > 0.0]
+        others = self._at(gps_s)[0].others
+        measured = signal_differences(observations, epoch, rows)
+        known = {name: value_m + others[name] for name, value_m in measured.items() if name in others}
+        means = self._signals.take(gps_s, centred(known))
+        by_code: dict[int, list[float]] = defaultdict(list)
+        for (code, _), value_m in means.items():
+            by_code[code].append(value_m)
+        for i in np.flatnonzero(seen["correction_sigma_m"] > 0.0).tolist():
+            values_m = by_code.get(int(seen["satellite"][i]), [])
+            seen["correction_m"][i] += sum(values_m) / (1 + len(values_m))
 
     def _correct(
         self,

@@ -97,7 +97,7 @@ class Correction:
         self._rules["most_pdop"] = config.most_pdop
         self._rules["longest_hold_s"] = config.longest_height_hold_s
         self._strengths = SignalStrengths(config.cn0_averaging_s)
-        self._corrections = CorrectionTable(config.longest_correction_age_s)
+        self._corrections = CorrectionTable(config.longest_correction_age_s, config.smooth_s)
 
     def add(self, broadcast: Ephemeris | Ionosphere) -> None:
         """Take in what a satellite broadcast. Without an ionosphere its night-time constant is used."""
@@ -122,7 +122,7 @@ class Correction:
         table = self._store.table()
         refused = np.array([bool(one) for one in refusals], bool)
         prepared = prepare(observations, refused, table, self.config.systems, self._strengths)
-        differential = self._corrections.apply(prepared, observations.signals, table, self._rules[0])
+        differential = self._corrections.apply(prepared, observations, table, self._rules[0])
         solutions: dict[Method, Solution] = {"original": self._solve("original", prepared, prepared.rows.copy())}
         judgements, flagged = self._judge(prepared, solutions["original"].rows)
         robust = self._filter(prepared, refused, table.gps_week, solutions["original"])

@@ -18,12 +18,20 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from schemas.gnss import Corrections, Ephemeris, Ionosphere, SatelliteCorrection, SatelliteRefusal
+from schemas.gnss import (
+    Corrections,
+    Ephemeris,
+    Ionosphere,
+    SatelliteCorrection,
+    SatelliteRefusal,
+    SignalDifference,
+)
 from schemas.gnss_time import WEEK_S, unix_ns_from_gps
 from services.gnss_correction.carrier_smoothing import CarrierSmoother
 from services.gnss_correction.ephemeris_store import EphemerisStore
 from services.gnss_correction.ephemeris_table import CODES, EphemerisTable
 from services.gnss_correction.epoch_order import EpochOrder
+from services.gnss_correction.other_signals import Differences, SignalAverages, centred, signal_differences
 from services.gnss_correction.preparation import SignalStrengths, prepare
 from services.gnss_correction.rejection import REJECTION_WORDS, Rejection
 from services.gnss_correction.solver_arrays import RULES, Float64s, Records
@@ -63,6 +71,7 @@ class ReferenceStation:
         self._smoother = CarrierSmoother(settings.smooth_s) if settings.smooth_s > 0.0 else None
         self._smoothed_since_s = np.full(CODES, np.nan)
         self._rates = CorrectionRates()
+        self._signals = SignalAverages(settings.smooth_s)
         self._rules = np.zeros(1, RULES)
 
     def add(self, broadcast: Ephemeris | Ionosphere) -> None:
@@ -82,7 +91,8 @@ class ReferenceStation:
             rows = prepared.rows[prepared.first_row[epoch] : prepared.first_row[epoch + 1]]
             t_s = float(prepared.t_s[epoch])
             smoothed_s = self._smooth(rows, t_s)
-            yield self._correct(rows, t_s, smoothed_s, observations.signals, table)
+            others = self._signals.take(t_s, centred(signal_differences(observations, epoch, rows)))
+            yield self._correct(rows, t_s, smoothed_s, observations.signals, table, others)
 
     def _smooth(self, rows: Records, t_s: float) -> Float64s:
         """Smooth the pseudoranges of one epoch; gives over what time each has been smoothed."""
@@ -96,7 +106,13 @@ class ReferenceStation:
         return np.asarray(np.minimum(t_s - self._smoothed_since_s[codes], self._settings.smooth_s))
 
     def _correct(
-        self, rows: Records, t_s: float, smoothed_s: Float64s, signals: tuple[str, ...], table: EphemerisTable
+        self,
+        rows: Records,
+        t_s: float,
+        smoothed_s: Float64s,
+        signals: tuple[str, ...],
+        table: EphemerisTable,
+        others: Differences,
     ) -> Corrections:
         """Corrections of one epoch."""
         refused = {
@@ -128,6 +144,7 @@ class ReferenceStation:
                 sigma_m=float(sigma_m[i]),
                 elevation_rad=float(rows["elevation_rad"][i]),
                 smoothed_s=float(smoothed_s[i]),
+                others=_of(others, int(rows["satellite"][i])),
             )
             for i in range(rows.size)
             if not said[i]
@@ -175,6 +192,12 @@ class ReferenceStation:
                 for code, words in sorted(refused.items())
             ),
         )
+
+
+def _of(others: Differences, code: int) -> tuple[SignalDifference, ...]:
+    """What the further signals of one satellite are to be corrected by besides."""
+    own = sorted((signal, value_m) for (one, signal), value_m in others.items() if one == code)
+    return tuple(SignalDifference(signal=signal, difference_m=-value_m) for signal, value_m in own)
 
 
 def _sigma_m(rows: Records, smoothed_s: Float64s) -> Float64s:
