@@ -14,9 +14,7 @@ Text = Annotated[str, Meta(min_length=1)]
 Port = Annotated[int, Meta(ge=1, le=65_535)]
 
 
-class SerialSource(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="serial"
-):
+class SerialSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A receiver on a serial line."""
 
     port: Text
@@ -24,14 +22,14 @@ class SerialSource(
     baud: Annotated[int, Meta(ge=300, le=4_000_000)] = 115_200
 
 
-class TcpSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="tcp"):
+class TcpSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A receiver, or a serial server, that sends to whoever connects."""
 
     host: Text
     port: Port
 
 
-class NtripSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="ntrip"):
+class NtripSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A stream of an NTRIP caster."""
 
     host: Text
@@ -48,7 +46,7 @@ class NtripSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Latitude, longitude [deg] and ellipsoidal height [m] that are reported to the caster, where it asks for them."""
 
 
-class FileSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="file"):
+class FileSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a receiver sent, as it was recorded."""
 
     path: Text
@@ -60,7 +58,7 @@ Source = SerialSource | TcpSource | NtripSource | FileSource
 
 
 class Reception(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a receiver is read: a recording in `observations`, or a `source`."""
+    """How a receiver is read: one of `observations`, `serial`, `tcp`, `ntrip` and `file`."""
 
     observations: Text | None = None
     """Recording of observations: RINEX, or RTCM 3 or UBX as the receiver sent them."""
@@ -70,8 +68,10 @@ class Reception(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Recorded seconds per second; 0 for as fast as it goes."""
     repeat: bool = False
     """Begin again at the end of a recording. Times stay those of the recording."""
-    source: Source | None = None
-    """A live receiver, or a recording that is read as one: kind `serial`, `tcp`, `ntrip` or `file`."""
+    serial: SerialSource | None = None
+    tcp: TcpSource | None = None
+    ntrip: NtripSource | None = None
+    file: FileSource | None = None
     silence_s: Annotated[float, Meta(ge=1.0, le=3600.0)] = 10.0
     """A live source that sends nothing for longer is opened anew."""
     rate_hz: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
@@ -84,10 +84,17 @@ class Reception(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Logs that are kept, the newest included."""
 
     def __post_init__(self) -> None:
-        """Refuse two sources of epochs, and none."""
-        if (self.observations is None) == (self.source is None):
-            msg = "give either observations (a recording) or a source (serial, tcp, ntrip or file)"
+        """Refuse several sources, and none."""
+        given = [name for name in ("observations", "serial", "tcp", "ntrip", "file") if getattr(self, name) is not None]
+        if len(given) != 1:
+            told = f", not {' and '.join(given)}" if given else ""
+            msg = f"give one of observations (a recording), serial, tcp, ntrip and file{told}"
             raise ValueError(msg)
+
+    @property
+    def source(self) -> Source | None:
+        """The one source that is given; None for a recording in `observations`."""
+        return self.serial or self.tcp or self.ntrip or self.file
 
 
 def recorded_ns(source: FileSource) -> int | None:

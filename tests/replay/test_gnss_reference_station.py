@@ -86,7 +86,7 @@ def play(
         reader, node = MemoryNode(bus, READER, DEPOT, clock), MemoryNode(bus, SERVICE, DEPOT, clock)
         messages = reader.messages(GNSS_CORRECTION)
         source = FileSource(path=str(path), recorded=DAY)
-        await node.run(Config(source=source, position=position, speed=0.0))
+        await node.run(Config(file=source, position=position, speed=0.0))
         reader.stop()
         return [one async for one in messages], node
 
@@ -171,7 +171,7 @@ def test_observations_are_given_as_rtcm(tmp_path: Path) -> None:
         clock = ManualClock(asyncio.get_running_loop(), NEAR_NS)
         node = MemoryNode(MemoryBus(), SERVICE, DEPOT, clock)
         source = FileSource(path=str(path), recorded=DAY)
-        config = Config(source=source, position=PLACE_DEG, rtcm=RtcmOut(port=0, station=77))
+        config = Config(file=source, position=PLACE_DEG, rtcm=RtcmOut(port=0, station=77))
         running = asyncio.ensure_future(node.run(config))
         await node.is_ready.wait()
         client = socket.create_connection(("127.0.0.1", node.health.counts["rtcm_port"]), LIMIT_S)
@@ -208,7 +208,7 @@ def test_ephemerides_come_from_trains_where_the_base_sends_none(tmp_path: Path) 
         messages = reader.messages(GNSS_CORRECTION)
         for one in SKY:
             await train.publish(GNSS_EPHEMERIS, one, device="front", satellite=one.satellite)
-        await node.run(Config(source=FileSource(path=str(path), recorded=DAY), position=PLACE_DEG))
+        await node.run(Config(file=FileSource(path=str(path), recorded=DAY), position=PLACE_DEG))
         reader.stop()
         return [one async for one in messages], node.health.counts
 

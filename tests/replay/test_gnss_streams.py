@@ -69,7 +69,7 @@ def recording(folder: Path, content: bytes, name: str = "log.bin") -> str:
 
 def test_recorded_bytes_are_played_at_their_own_pace(tmp_path: Path) -> None:
     path = recording(tmp_path, EPHEMERIS + b"".join(EPOCHS[:2]) + EPHEMERIS + b"".join(EPOCHS[2:]))
-    played, node = play(Config(source=FileSource(path=path, recorded="2023-05-19"), speed=2.0))
+    played, node = play(Config(file=FileSource(path=path, recorded="2023-05-19"), speed=2.0))
     assert [(time_s, type(message)) for time_s, message in played] == [
         (0.0, Ephemeris),
         (0.0, Epoch),
@@ -84,7 +84,7 @@ def test_recorded_bytes_are_played_at_their_own_pace(tmp_path: Path) -> None:
 
 def test_ubx_with_nmea_gives_epochs_and_positions(tmp_path: Path) -> None:
     stream = b"".join(rawx(ROWS, TOW_S + second) + pvt(second=20 + second) + gga() + rmc() for second in range(3))
-    played, _ = play(Config(source=FileSource(path=recording(tmp_path, stream)), speed=0.0))
+    played, _ = play(Config(file=FileSource(path=recording(tmp_path, stream)), speed=0.0))
     kinds = [type(message) for _, message in played]
     assert kinds.count(Epoch) == 3
     positions = [message for _, message in played if isinstance(message, OwnPosition)]
@@ -95,7 +95,7 @@ def test_a_navigation_file_goes_with_recorded_bytes(tmp_path: Path) -> None:
     path = recording(tmp_path, b"".join(EPOCHS))
     broadcast = recording(tmp_path, EPHEMERIS * 2, "nav.rtcm3")
     source = FileSource(path=path, recorded="2023-05-19")
-    played, _ = play(Config(source=source, navigation=(broadcast,), speed=0.0))
+    played, _ = play(Config(file=source, navigation=(broadcast,), speed=0.0))
     assert [type(message) for _, message in played] == [Ephemeris, Epoch, Epoch, Epoch, Epoch]
 
 
@@ -104,7 +104,7 @@ def test_recorded_bytes_begin_again(tmp_path: Path) -> None:
         clock = ManualClock(asyncio.get_running_loop(), NEAR_NS)
         node = MemoryNode(MemoryBus(), SERVICE, TRAIN, clock)
         source = FileSource(path=recording(tmp_path, b"".join(EPOCHS)), recorded="2023-05-19")
-        running = asyncio.ensure_future(node.run(Config(source=source, repeat=True)))
+        running = asyncio.ensure_future(node.run(Config(file=source, repeat=True)))
         await asyncio.sleep(5.5)
         node.stop()
         await running
@@ -115,17 +115,17 @@ def test_recorded_bytes_begin_again(tmp_path: Path) -> None:
 
 def test_what_cannot_be_read_ends_the_service(tmp_path: Path) -> None:
     with pytest.raises(RinexError, match="names the day"):
-        play(Config(source=FileSource(path=recording(tmp_path, b"".join(EPOCHS)))))
+        play(Config(file=FileSource(path=recording(tmp_path, b"".join(EPOCHS)))))
     with pytest.raises(RinexError, match="holds no RTCM 3, UBX or NMEA"):
-        play(Config(source=FileSource(path=recording(tmp_path, b"nothing"))))
+        play(Config(file=FileSource(path=recording(tmp_path, b"nothing"))))
     with pytest.raises(FileNotFoundError):
-        play(Config(source=FileSource(path=str(tmp_path / "nowhere"))))
+        play(Config(file=FileSource(path=str(tmp_path / "nowhere"))))
 
 
 def test_a_station_in_the_stream_is_counted_only(tmp_path: Path) -> None:
     station = framed(write_station(StationPosition(7, (4_000_000.0, 0.0, 5_000_000.0))))
     source = FileSource(path=recording(tmp_path, station + b"".join(EPOCHS)), recorded="2023-05-19")
-    played, node = play(Config(source=source, speed=0.0))
+    played, node = play(Config(file=source, speed=0.0))
     assert len(played) == 4
     assert node.health.counts["station_positions"] == 1
 
@@ -191,7 +191,7 @@ class Followed:
 
 
 def follow_script(script: Script, config: Reception | None = None) -> Followed:
-    config = config or Reception(source=TcpSource(host="script", port=1))
+    config = config or Reception(tcp=TcpSource(host="script", port=1))
     followed = Followed()
 
     async def main() -> None:
@@ -258,7 +258,7 @@ def test_another_rate_of_the_line_is_told() -> None:
 
 
 def test_a_wrong_rate_is_told() -> None:
-    config = Reception(source=TcpSource(host="script", port=1), rate_hz=1.0)
+    config = Reception(tcp=TcpSource(host="script", port=1), rate_hz=1.0)
     half = [step for frame in rtcm_of([epoch(TOW_S + 2 * second) for second in range(10)]) for step in (frame, 2.0)]
     followed = follow_script(Script(*half), config)
     assert followed.level == ("degraded", ("0.4 epochs per second instead of 1",))
@@ -267,11 +267,11 @@ def test_a_wrong_rate_is_told() -> None:
 
 
 def test_raw_bytes_are_kept_as_they_come(tmp_path: Path) -> None:
-    config = Reception(source=TcpSource(host="script", port=1), raw_log=str(tmp_path / "raw.bin"))
+    config = Reception(tcp=TcpSource(host="script", port=1), raw_log=str(tmp_path / "raw.bin"))
     stream = b"\x01" + b"".join(EPOCHS)
     follow_script(Script(stream[:100], stream[100:]), config)
     assert (tmp_path / "raw.bin").read_bytes() == stream
-    broken = Reception(source=TcpSource(host="script", port=1), raw_log=str(tmp_path / "raw.bin" / "x"))
+    broken = Reception(tcp=TcpSource(host="script", port=1), raw_log=str(tmp_path / "raw.bin" / "x"))
     followed = follow_script(Script(*EPOCHS), broken)
     assert len(followed.heard) == 4
     assert followed.level[0] == "degraded"

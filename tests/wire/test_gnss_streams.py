@@ -114,7 +114,7 @@ async def test_a_server_that_goes_away_and_returns(router: Router, stage: Stage)
     arrivals = reader.arrivals(GNSS_EPOCH)
     first, second = b"".join(FRAMES[:3]) + FRAMES[3][:40], b"".join(FRAMES[4:])
     with casting(sends(first), sends(second), sends(second)) as caster:
-        node, running = await run_receiver(stage, Config(source=TcpSource(host="127.0.0.1", port=caster.port)))
+        node, running = await run_receiver(stage, Config(tcp=TcpSource(host="127.0.0.1", port=caster.port)))
         epochs = [arrival.message for arrival in await take(arrivals, 10)]
         assert [one.tow_s - TOW_S for one in epochs][:4] == [0.0, 1.0, 2.0, 4.0]
         # The messages do not name their week: the host's clock does.
@@ -132,7 +132,7 @@ async def test_a_serial_line(router: Router, stage: Stage) -> None:
     reader = await stage.node("reader", reads=(GNSS_EPOCH,))
     arrivals = reader.arrivals(GNSS_EPOCH)
     source = SerialSource(port=os.ttyname(device))
-    node, running = await run_receiver(stage, Config(source=source))
+    node, running = await run_receiver(stage, Config(serial=source))
     await until(lambda: node.health.counts.get("connections", 0) == 1)
     for frame in FRAMES[:4]:
         os.write(controller, frame[:50])
@@ -262,7 +262,6 @@ def test_a_password_that_is_not_there_is_told_as_such(place: str) -> None:
 
     with casting(leave) as caster:
         table = {
-            "kind": "ntrip",
             "host": "127.0.0.1",
             "port": caster.port,
             "mountpoint": "B",
@@ -291,7 +290,7 @@ async def test_a_refusing_caster_shows_in_health(router: Router, stage: Stage) -
     del router
     with casting(answers(b"HTTP/1.1 401 Unauthorized\r\n\r\n")) as caster:
         source = NtripSource(host="127.0.0.1", port=caster.port, mountpoint="BASE1", position=(31.0, 121.0, 20.0))
-        node, running = await run_receiver(stage, Config(source=source))
+        node, running = await run_receiver(stage, Config(ntrip=source))
         await until(lambda: node.health.counts.get("failed_openings", 0) == 1)
         await until(lambda: node.health.level(node.clock.monotonic_s())[0] == "failed")
         (reason,) = node.health.level(node.clock.monotonic_s())[1]

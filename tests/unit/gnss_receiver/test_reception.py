@@ -36,25 +36,25 @@ from tests.unit.gnss_receiver.test_ubx_stream import ROWS
 @pytest.mark.parametrize(
     ("table", "source"),
     [
-        ({"kind": "serial", "port": "/dev/ttyACM0", "baud": 460_800}, SerialSource(port="/dev/ttyACM0", baud=460_800)),
-        ({"kind": "tcp", "host": "10.0.0.7", "port": 3000}, TcpSource(host="10.0.0.7", port=3000)),
-        ({"kind": "ntrip", "host": "c", "mountpoint": "B"}, NtripSource(host="c", mountpoint="B")),
-        ({"kind": "file", "path": "x.ubx"}, FileSource(path="x.ubx")),
+        ({"serial": {"port": "/dev/ttyACM0", "baud": 460_800}}, SerialSource(port="/dev/ttyACM0", baud=460_800)),
+        ({"tcp": {"host": "10.0.0.7", "port": 3000}}, TcpSource(host="10.0.0.7", port=3000)),
+        ({"ntrip": {"host": "c", "mountpoint": "B"}}, NtripSource(host="c", mountpoint="B")),
+        ({"file": {"path": "x.ubx"}}, FileSource(path="x.ubx")),
     ],
 )
-def test_sources_by_their_kind(table: dict[str, object], source: Source) -> None:
-    assert msgspec.convert({"source": table, "device": "rear"}, Config).source == source
+def test_sources(table: dict[str, object], source: Source) -> None:
+    assert msgspec.convert(table | {"device": "rear"}, Config).source == source
 
 
 @pytest.mark.parametrize(
     "table",
     [
         {},
-        {"observations": "a.obs", "source": {"kind": "file", "path": "x"}},
-        {"source": {"kind": "carrier pigeon"}},
-        {"source": {"kind": "tcp", "host": "h", "port": 0}},
-        {"source": {"kind": "ntrip", "host": "h", "mountpoint": "a b"}},
-        {"source": {"kind": "ntrip", "host": "h", "mountpoint": "m", "password": "secret"}},
+        {"observations": "a.obs", "file": {"path": "x"}},
+        {"pigeon": {}},
+        {"tcp": {"host": "h", "port": 0}},
+        {"ntrip": {"host": "h", "mountpoint": "a b"}},
+        {"ntrip": {"host": "h", "mountpoint": "m", "password": "secret"}},
         {"observations": "a.obs", "silence_s": 0.0},
     ],
 )
@@ -64,8 +64,10 @@ def test_configurations_that_cannot_be(table: dict[str, object]) -> None:
 
 
 def test_two_sources_or_none_are_told_in_words() -> None:
-    with pytest.raises(ValueError, match=r"give either observations \(a recording\) or a source"):
+    with pytest.raises(ValueError, match=r"^give one of observations .*, serial, tcp, ntrip and file$"):
         Reception()
+    with pytest.raises(ValueError, match=r"and file, not observations and file$"):
+        Reception(observations="a.obs", file=FileSource(path="x"))
 
 
 def test_the_day_of_a_recording() -> None:
