@@ -17,8 +17,10 @@ other, so their responses add up in squares:
 one (Student's t bounds it above), held for a while, because reflections of several satellites at
 once shift place and residuals together; f four after a start, falling to one in some ten seconds,
 because a first epoch has nothing to be compared with; common: ionosphere, troposphere, orbits, which all
-satellites of a region share and residuals do not show; moved: see robust_doubt.py. k = 5.33 is the
-factor of a Gaussian tail of 1e-7 (RTCA DO-229, J.2.1).
+satellites of a region share and residuals do not show; moved: see robust_doubt.py. k is the setting
+`bound_factor`. Its default and the constants below were chosen on the recordings that
+docs/gnss_correction.md lists, where no error exceeds its bound: an engineering judgement, no
+protection level in the sense of a certified integrity risk.
 """
 
 from __future__ import annotations
