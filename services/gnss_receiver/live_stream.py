@@ -22,6 +22,8 @@ from services.runtime.node import Node
 
 _UNINTELLIGIBLE: Final = 4096
 """So many bytes without a message: it is another protocol, or the wrong rate of a serial line."""
+_CLOCK_SET_NS: Final = 1_577_836_800 * 10**9
+"""2020-01-01: a clock before this has never been set."""
 _FRAMES: Final = ("rtcm3_frames", "ubx_frames", "nmea_frames")
 
 
@@ -100,6 +102,7 @@ class _Link:
                 if silent_s >= self._config.silence_s:
                     self.fault = f"nothing came for {silent_s:.0f} s"
                     return
+                self.stream.host_time(self._node.clock.now_ns())
                 for one in self.stream.feed(chunk) if chunk else ():
                     self._count(one)
                     yield one
@@ -124,7 +127,9 @@ class _Link:
         health = self._node.health
         health.counts.update(self.stream.counts)
         unintelligible = f"{unread} bytes came without a message: check the protocol and the rate of the line"
+        unset = "the host's clock is not set: messages that do not name their week are dated wrong"
         faults = {
+            "clock": unset if self._node.clock.now_ns() < _CLOCK_SET_NS else "",
             "unintelligible": unintelligible if unread >= _UNINTELLIGIBLE else "",
             "rate": self._rate.fault(self._node.clock.monotonic_s()),
             "raw_log": self._log.error if self._log else "",

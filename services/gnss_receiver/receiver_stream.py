@@ -42,6 +42,10 @@ class ReceiverStream:
         for stream in (self._rtcm, self._ubx, self._nmea):
             stream.near(t_ns)
 
+    def host_time(self, t_ns: int) -> None:
+        """Tell what the host's clock (UTC) says while a live stream runs: it may have been set in between."""
+        self._rtcm.host_time(t_ns)
+
     def feed(self, chunk: bytes) -> list[Heard]:
         """What the messages completed by `chunk` say."""
         heard: list[Heard] = []

@@ -20,6 +20,8 @@ from services.gnss_receiver.rtcm_station import (
 )
 from services.gnss_receiver.rtcm_time import epoch_gps_ms, gps_ms_from_unix_ns, unix_ns_from_gps_ms
 
+_ASTRAY_MS: Final = 3_600_000
+"""A live stream is not an hour old; the clock must have been set."""
 _KEPT: Final = 1000
 """Messages remembered to know repetitions: some times what all satellites of all systems send."""
 
@@ -35,6 +37,7 @@ class RtcmStream:
         """Start near a time (UTC); what is noticed is counted in `counts`."""
         self._counts = counts
         self._near_gps_ms = gps_ms_from_unix_ns(near_ns)
+        self._dated = False
         self._assembler = EpochAssembler(counts)
         self._channels: dict[str, int] = {}
         self._seen: dict[bytes, None] = {}
@@ -43,6 +46,13 @@ class RtcmStream:
     def near(self, t_ns: int) -> None:
         """Resolve weeks around another time (UTC)."""
         self._near_gps_ms = gps_ms_from_unix_ns(t_ns)
+        self._dated = False
+
+    def host_time(self, t_ns: int) -> None:
+        """Resolve weeks around the host's clock (UTC) where that has been set since, unless a message names the day."""
+        host_gps_ms = gps_ms_from_unix_ns(t_ns)
+        if not self._dated and abs(host_gps_ms - self._near_gps_ms) > _ASTRAY_MS:
+            self._near_gps_ms = host_gps_ms
 
     def add(self, message: bytes) -> list[Heard]:
         """What a message says, together with those before. What cannot be read is counted by its reason."""
@@ -56,6 +66,7 @@ class RtcmStream:
                 return [read_station(number, message)]
             if number == SYSTEM_PARAMETERS:
                 self._near_gps_ms = read_date(message)
+                self._dated = True
             else:
                 self._counts[f"not_read_rtcm_{number}"] += 1
         except ValueError:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from schemas.gnss import Epoch
-from schemas.gnss_time import unix_ns_from_gps
+from schemas.gnss_time import WEEK_S, unix_ns_from_gps
 from services.gnss_receiver.lock_times import HALF_CYCLE, LOST, LockTimes
 
 _HEAD: Final = 16
@@ -79,9 +79,11 @@ class RawMeasurements:
             raise ValueError(msg)
         tow_s = float(np.frombuffer(message, "<f8", 1)[0])
         week, status = int.from_bytes(message[8:10], "little"), message[12]
-        if not 0.0 <= tow_s < 604_801.0 or week == 0:  # noqa: PLR2004 - a week, and the receiver's clock up to 1 s ahead
+        if not 0.0 <= tow_s < WEEK_S + 1 or week == 0:
             msg = f"RXM-RAWX at second {tow_s} of week {week}: the receiver does not know the time yet"
             raise ValueError(msg)
+        over, tow_s = divmod(tow_s, WEEK_S)
+        week += int(over)
         rows = np.frombuffer(message, _ROW, message[11], _HEAD)
         names = [_names(*row) for row in zip(rows["system"], rows["satellite"], rows["signal"], strict=True)]
         kept = [index for index, name in enumerate(names) if name is not None]
@@ -102,7 +104,7 @@ class RawMeasurements:
             carrier_phase_cycles=phase.astype(np.float64),
             doppler_hz=rows["doppler_hz"].astype(np.float64),
             cn0_dbhz=np.where(rows["cn0_dbhz"] > 0, rows["cn0_dbhz"], np.nan).astype(np.float64),
-            lock_lost=self._lock_lost(named, rows, phase, round(1000 * (week * 604_800 + tow_s)), status),
+            lock_lost=self._lock_lost(named, rows, phase, round(1000 * (week * WEEK_S + tow_s)), status),
         )
 
     def _lock_lost(

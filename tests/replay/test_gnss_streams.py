@@ -25,7 +25,7 @@ from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
 from services.runtime.node import Node, Service
 from tests.unit.gnss_receiver.broadcast_samples import kepler
-from tests.unit.gnss_receiver.stream_samples import NEAR_NS, TOW_S, epoch, gga, pvt, rawx, rmc, rtcm_of
+from tests.unit.gnss_receiver.stream_samples import NEAR_NS, TOW_S, WEEK, epoch, gga, pvt, rawx, rmc, rtcm_of
 from tests.unit.gnss_receiver.test_ubx_stream import ROWS
 
 TRAIN = Place("demo", "train", "T1")
@@ -43,6 +43,7 @@ async def _idle(node: Node, config: NoConfig) -> None:
 
 READER = Service("reader", NoConfig, reads=TOPICS, writes=(), run=_idle, about="listens")
 EPOCHS = rtcm_of([epoch(TOW_S + second) for second in range(4)])
+ROWS_OF_GPS = [("G03", "1C", 2.4e7), ("G04", "1C", 2.3e7)]
 EPHEMERIS = framed(write_ephemeris(kepler("G05")))
 
 
@@ -139,6 +140,8 @@ class Script:
         self.refusals = refusals
         self.now_s = 0.0
         self.closed = 0
+        self.set_at_s = 0.0
+        """Script's time at which the host's clock is set."""
         self.on_end: Callable[[], None] = lambda: None
         self.look: Callable[[], None] = lambda: None
         """Called when it is opened: what health says then is why."""
@@ -176,7 +179,8 @@ class ScriptClock(LiveClock):
         return self.script.now_s + self.loop.time()
 
     def now_ns(self) -> int:
-        return NEAR_NS + round(self.monotonic_s() * 1e9)
+        started_ns = NEAR_NS if self.script.now_s >= self.script.set_at_s else 0
+        return started_ns + round(self.monotonic_s() * 1e9)
 
 
 class Followed:
@@ -283,6 +287,24 @@ def test_a_receiver_that_begins_anew_goes_on() -> None:
     epochs = [one for one in followed.heard if isinstance(one, Epoch)]
     assert [one.tow_s for one in epochs] == [TOW_S + second for second in (0, 1, 2, 3, -1000, -999)]
     assert epochs[4].lock_lost.all()
+
+
+def test_a_clock_that_is_set_meanwhile_dates_what_follows() -> None:
+    # The host starts at 1970 and gets the time from the network after the second epoch.
+    # (Without GLONASS, whose leap seconds of 1970 would part it from the others.)
+    frames = rtcm_of([epoch(TOW_S + second, rows=ROWS_OF_GPS) for second in range(4)])
+    script = Script(frames[0], frames[1], 1.0, frames[2], frames[3])
+    script.set_at_s = 1.0
+    followed = follow_script(script)
+    epochs = [one for one in followed.heard if isinstance(one, Epoch)]
+    assert [one.gps_week == WEEK for one in epochs] == [False, False, True, True]
+    # What is dated before GPS began is refused by whoever reads it, and health had said so.
+    assert all(one.gps_week < 0 for one in epochs[:2])
+    assert followed.level == ("ok", ())
+    script = Script(EPOCHS[0])
+    script.set_at_s = 1.0
+    words = "the host's clock is not set: messages that do not name their week are dated wrong"
+    assert follow_script(script).level == ("degraded", (words,))
 
 
 def test_a_recording_is_no_live_source() -> None:

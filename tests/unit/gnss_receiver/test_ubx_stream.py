@@ -103,6 +103,11 @@ def test_a_receiver_that_does_not_know_the_time_gives_no_epoch() -> None:
     assert receiver.counts["bad_ubx_RXM-RAWX"] == 3
 
 
+def test_a_clock_that_runs_ahead_at_the_end_of_the_week_is_in_the_next_one() -> None:
+    found = one_epoch(rawx(ROWS, 604_800.25))
+    assert (found.gps_week, found.tow_s) == (WEEK + 1, 0.25)
+
+
 def test_messages_cut_short_are_refused() -> None:
     whole = rawx(ROWS)[6:-2]
     stream = b"".join(ubx(b"\x02\x15", whole[:length]) for length in range(0, len(whole), 3))
