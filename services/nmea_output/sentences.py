@@ -14,9 +14,9 @@ from schemas.gnss_time import NS
 
 TALKER: Final = "GN"
 _KNOT_MPS: Final = 1852.0 / 3600.0
-_NONE, _AUTONOMOUS, _ESTIMATED = 0, 1, 6
+_NONE, _AUTONOMOUS, _DIFFERENTIAL, _ESTIMATED = 0, 1, 2, 6
 """Qualities of GGA."""
-_MODES: Final = {_NONE: "N", _AUTONOMOUS: "A", _ESTIMATED: "E"}
+_MODES: Final = {_NONE: "N", _AUTONOMOUS: "A", _DIFFERENTIAL: "D", _ESTIMATED: "E"}
 """Modes of RMC."""
 _MINUTE_DIGITS: Final = 6
 """A millionth of a minute is 2 mm."""
@@ -68,7 +68,10 @@ def position_report(t_ns: int, lat_deg: float, lon_deg: float, h_m: float) -> by
 def _quality(fix: Fix) -> int:
     if fix.status == "none" or fix.lat_deg is None or fix.lon_deg is None:
         return _NONE
-    return _ESTIMATED if fix.status == "predicted" else _AUTONOMOUS
+    if fix.status == "predicted":
+        return _ESTIMATED
+    # A few corrected satellites among many make no differential position.
+    return _DIFFERENTIAL if 2 * fix.satellites_corrected > fix.satellites_used else _AUTONOMOUS
 
 
 def _clock(t_ns: int) -> tuple[str, str]:

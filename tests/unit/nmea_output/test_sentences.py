@@ -51,6 +51,13 @@ def test_without_a_geoid_height_and_separation_still_add_up() -> None:
     assert ",30.500,M,0.000,M," in lines(FIX)[0]
 
 
+@pytest.mark.parametrize(("corrected", "quality", "mode"), [(6, "1", "A"), (7, "2", "D"), (12, "2", "D")])
+def test_a_fix_is_differential_when_most_satellites_were_corrected(corrected: int, quality: str, mode: str) -> None:
+    gga, rmc, _ = lines(replace(FIX, satellites_corrected=corrected))
+    assert gga.split(",")[6] == quality
+    assert (rmc.split(",")[2], rmc.split(",")[12]) == ("A", mode)
+
+
 def test_a_prediction_is_called_an_estimate() -> None:
     gga, rmc, _ = lines(replace(FIX, status="predicted"))
     assert gga.split(",")[6] == "6"
