@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from datetime import date, timedelta
 from typing import Any, Final
 
-from pynmeagps import VALNONE, NMEAReader  # type: ignore[import-untyped]  # pynmeagps publishes no types
-from pynmeagps.exceptions import (  # type: ignore[import-untyped]  # the same
+from pynmeagps import VALNONE, NMEAReader
+from pynmeagps.exceptions import (
     NMEAMessageError,
     NMEAParseError,
     NMEAStreamError,

@@ -8,16 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from pyrtcm import RTCMMessage  # type: ignore[import-untyped]  # pyrtcm publishes no types
-from pyrtcm.exceptions import (  # type: ignore[import-untyped]  # pyrtcm publishes no types
+from pyrtcm import RTCMMessage
+from pyrtcm.exceptions import (
     ParameterError,
     RTCMMessageError,
     RTCMParseError,
     RTCMStreamError,
     RTCMTypeError,
 )
-from pyrtcm.rtcmtypes_core import INT, INTS, RTCM_DATA_FIELDS  # type: ignore[import-untyped]  # pyrtcm publishes no types
-from pyrtcm.rtcmtypes_get import RTCM_PAYLOADS_GET  # type: ignore[import-untyped]  # pyrtcm publishes no types
+from pyrtcm.rtcmtypes_core import INT, INTS, RTCM_DATA_FIELDS
+from pyrtcm.rtcmtypes_get import RTCM_PAYLOADS_GET
 
 from services.gnss_receiver.bit_fields import BitWriter
 from services.gnss_receiver.crc24q import crc24q

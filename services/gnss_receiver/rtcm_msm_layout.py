@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pyrtcm.rtcmtables import PRNSIGMAP  # type: ignore[import-untyped]  # pyrtcm publishes no types
+from pyrtcm.rtcmtables import PRNSIGMAP
 
 LIGHT_M_PER_MS: Final = 299_792.458
 SYSTEM_OF: Final = {107: "G", 108: "R", 109: "E", 110: "S", 111: "J", 112: "C", 113: "I"}

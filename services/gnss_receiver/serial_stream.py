@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import serial  # type: ignore[import-untyped]  # pyserial publishes no types
+import serial
 
 from services.gnss_receiver.byte_source import CHUNK, READ_S, SourceError
 

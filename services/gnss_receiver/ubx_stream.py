@@ -10,8 +10,8 @@ from collections import Counter
 from datetime import datetime
 from typing import Final
 
-from pyubx2 import GET, UBX_MSGIDS, UBXMessage  # type: ignore[import-untyped]  # pyubx2 publishes no types
-from pyubx2.exceptions import UBXMessageError, UBXTypeError  # type: ignore[import-untyped]  # the same
+from pyubx2 import GET, UBX_MSGIDS, UBXMessage
+from pyubx2.exceptions import UBXMessageError, UBXTypeError
 
 from schemas.gnss import Ephemeris, FixStatus, Ionosphere, OwnMode, OwnPosition
 from schemas.gnss_time import GPS_EPOCH_UNIX_S, NS, WEEK_S, leap_seconds

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 from msgspec.structs import replace
-from pyrtcm import RTCMMessage  # type: ignore[import-untyped]  # pyrtcm publishes no types
+from pyrtcm import RTCMMessage
 
 from schemas.gnss import Ephemeris, Ionosphere, KeplerOrbit
 from schemas.gnss_time import unix_ns_from_gps

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from pyrtcm import RTCMMessage  # type: ignore[import-untyped]  # pyrtcm publishes no types
-from pyrtcm.rtcmtypes_core import RTCM_DATA_FIELDS  # type: ignore[import-untyped]  # pyrtcm publishes no types
+from pyrtcm import RTCMMessage
+from pyrtcm.rtcmtypes_core import RTCM_DATA_FIELDS
 
 from services.gnss_receiver.bit_fields import BitWriter
 from services.gnss_receiver.rtcm_messages import number_of

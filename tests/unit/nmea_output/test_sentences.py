@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from pynmeagps import NMEAReader  # type: ignore[import-untyped]  # pynmeagps publishes no types
+from pynmeagps import NMEAReader
 
 from schemas.gnss import Fix, FixStatus
 from services.gnss_receiver.nmea_stream import NmeaStream
