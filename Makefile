@@ -29,9 +29,9 @@ bench: $(READY) .venv-peers/.ready
 	$(BIN)/kirotei bench
 
 lock:
-	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes --no-emit-index-url pyproject.toml -o requirements/run.lock
-	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes --no-emit-index-url --group dev -c requirements/run.lock pyproject.toml -o requirements/dev.lock
-	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes --no-emit-index-url --group peers -o requirements/peers.lock
+	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes pyproject.toml -o requirements/run.lock
+	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes --group dev -c requirements/run.lock pyproject.toml -o requirements/dev.lock
+	UV_CUSTOM_COMPILE_COMMAND='make lock' uv pip compile -q --universal --generate-hashes --group peers -o requirements/peers.lock
 
 $(READY): requirements/dev.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Kirotei needs Python 3.11 or newer; give one with: make PYTHON=python3.12 …")'

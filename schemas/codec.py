@@ -110,7 +110,7 @@ def json_schema(message: type[Message]) -> dict[str, Any]:
         if _is_array(wanted):
             return {"type": "array", "items": {"type": ["number", "null"]}}
         msg = f"no JSON schema for {wanted}"
-        raise NotImplementedError(msg)
+        raise NotImplementedError(msg)  # msgspec's own word for a type that the hook does not know
 
     schema = msgspec.json.schema(message, schema_hook=describe)
     schema.setdefault("description", inspect.getdoc(message) or "")
