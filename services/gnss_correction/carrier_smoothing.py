@@ -15,9 +15,9 @@ from typing import Any, Final
 import numpy as np
 
 from services.gnss_correction.ephemeris_table import CODES
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.solver_arrays import Float64s, Ints, Records
+from services.numerics.kernel import kernel
 
 SLIP_M: Final = 0.5
 """Carrier against Doppler: a slip of three L1 cycles; vehicles that change their acceleration stay below over 1 s."""

@@ -11,10 +11,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.position_fit import locate
 from services.gnss_correction.rejection import Outcome, Rejection
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Records, Workspace
+from services.numerics.kernel import kernel
 
 CONTRADICTION_M: Final = 1_000.0
 """A residual beyond this is no multipath."""

@@ -12,12 +12,12 @@ from schemas.gnss import Corrections, SatelliteCorrection
 from schemas.gnss_time import WEEK_S
 from services.gnss_correction.atmosphere import L1_HZ, klobuchar_delay_m, saastamoinen_delay_m
 from services.gnss_correction.ephemeris_table import CODES, EphemerisTable
-from services.gnss_correction.geodesy import elevation_azimuth
 from services.gnss_correction.orbit import BEIDOU_B1I_HZ, satellite_states
 from services.gnss_correction.solver_arrays import Float64s, Ints
 from services.gnss_correction.station_consistency import LARGEST_RESIDUAL, displaced, fit_station
 from services.gnss_correction.station_sight import Station, station_at
 from services.gnss_receiver.observations import SYSTEMS, satellite_code
+from services.numerics.geodesy import elevation_azimuth
 
 LARGEST_M: Final = 300.0
 """Of a correction: satellite clocks off by a microsecond; beyond, something else is wrong."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from schemas.gnss import Ephemeris, KeplerOrbit, StateVectorOrbit
 from schemas.gnss_time import WEEK_S
-from services.gnss_correction.kernel import kernel
 from services.gnss_receiver.observations import SYSTEMS, satellite_code
+from services.numerics.kernel import kernel
 
 KEPLER: Final = 0
 BEIDOU_GEO: Final = 1

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.gnss_correction.geodesy import enu_about
+from services.numerics.geodesy import enu_about
 
 Float64s = NDArray[np.float64]
 

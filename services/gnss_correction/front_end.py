@@ -20,7 +20,7 @@ import msgspec
 from msgspec import Meta
 
 from schemas.gnss import Fix, FrontEnd
-from services.gnss_correction.geodesy import ecef_from_geodetic
+from services.numerics.geodesy import ecef_from_geodetic
 
 Facing = Literal["up", "down"]
 OLDEST_FIX_S: Final = 1.0

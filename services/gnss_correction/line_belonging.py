@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_likelihood import level_of, weigh_cells
 from services.gnss_correction.line_windows import even
 from services.gnss_correction.solver_arrays import Float64s, Records
+from services.numerics.kernel import kernel
 
 _STEPS_M: Final = (30.0, 60.0, 90.0, 120.0, 160.0, 200.0, 250.0, 320.0)
 ASIDE_M: Final = np.array([0.0, *_STEPS_M, *(-step for step in _STEPS_M)])

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.gnss_correction.atmosphere import LIGHT_MPS
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import EARTH_RATE_RADPS, delay_m, direct, look
 from services.gnss_correction.position_fit import geodetic
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Records
 from services.gnss_correction.weighting import LOWEST_SINE, MISSING_CN0_DBHZ
+from services.numerics.kernel import kernel
 
 SPEED, DRIFT, VAR_SPEED, COVARIANCE, VAR_DRIFT, CLOCK = 0, 1, 2, 3, 4, 5
 """Columns of a cell's state; from CLOCK on the clocks [m], then as many variances of theirs [m²]."""

@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 
 from services.gnss_correction.atmosphere import L1_HZ
-from services.gnss_correction.geodesy import ecef_from_geodetic, enu_from_ecef_rotation, geodetic_from_ecef
 from services.gnss_correction.line_estimate import LineEstimate
 from services.gnss_correction.line_filter import NOWHERE, LineFilter
 from services.gnss_correction.rejection import Outcome
@@ -17,6 +16,7 @@ from services.gnss_correction.solver_arrays import ROW, RULES, SOLUTION, Bools, 
 from services.gnss_correction.wheel_speed import WheelSpeeds
 from services.line.line_file import LineGeometry
 from services.line.projection import candidates
+from services.numerics.geodesy import ecef_from_geodetic, enu_from_ecef_rotation, geodetic_from_ecef
 
 _ON_LINE: Final = [(name, np.float64) for name in ("chainage_m", "chainage_bound_m", "speed_along_mps")]
 LINE_SOLUTION: Final = np.dtype([*SOLUTION.descr, ("bound_m", np.float64), *_ON_LINE])

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from services.gnss_correction.atmosphere import LIGHT_MPS, klobuchar_delay_m, saastamoinen_delay_m
-from services.gnss_correction.kernel import kernel
+from services.numerics.kernel import kernel
 
 EARTH_RATE_RADPS: Final = 7.2921151467e-5
 """Rotation of WGS 84 (IS-GPS-200, table 20-IV); the other systems' differ by 2e-9 of it."""

@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_likelihood import COVARIANCE, SPEED, VAR_CLOCK, VAR_DRIFT, VAR_SPEED, no_states
 from services.gnss_correction.solver_arrays import Float64s
+from services.numerics.kernel import kernel
 
 CELL_M: Final = 1.0
 LEAST_MASS: Final = 1e-10

@@ -14,9 +14,9 @@ import numpy as np
 
 from services.gnss_correction.atmosphere import LIGHT_MPS
 from services.gnss_correction.ephemeris_table import CODES
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.solver_arrays import Float64s, Ints, Records
+from services.numerics.kernel import kernel
 
 EVIDENCE: Final = np.dtype(
     [

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
+from services.numerics.kernel import kernel
 
 SMALLEST_PIVOT: Final = 1e-10
 """A pivot this small against its diagonal element means that the unknown is not determined."""

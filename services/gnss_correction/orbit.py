@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from services.gnss_correction.atmosphere import L1_HZ, LIGHT_MPS
 from services.gnss_correction.ephemeris_table import BEIDOU_GEO, STATE_VECTOR, EphemerisTable
-from services.gnss_correction.kernel import kernel
+from services.numerics.kernel import kernel
 
 GLONASS_A_M: Final = 6_378_136.0
 """Equatorial radius of PZ-90 (GLONASS ICD 5.1, table 3.2)."""

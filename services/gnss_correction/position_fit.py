@@ -11,13 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from services.gnss_correction.geodesy import geodetic_from_ecef
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import delay_m, direct, look
 from services.gnss_correction.normal_equations import factorise, solve_factorised
 from services.gnss_correction.rejection import Outcome, Rejection
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Ints, Records, Workspace
 from services.gnss_correction.weighting import cn0_variance_m2, corrected_variance_m2, elevation_variance_m2
+from services.numerics.geodesy import geodetic_from_ecef
+from services.numerics.kernel import kernel
 
 CONVERGED_M: Final = 1e-4
 MOST_ROUNDS: Final = 20

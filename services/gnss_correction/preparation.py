@@ -18,7 +18,6 @@ from services.gnss_correction.ephemeris_table import (
     EphemerisTable,
     select_row,
 )
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.orbit import (
     BEIDOU_B1I_HZ,
     GLONASS_L1_HZ,
@@ -28,6 +27,7 @@ from services.gnss_correction.orbit import (
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.solver_arrays import ROW, Bools, Float64s, Ints, Records
 from services.gnss_receiver.observations import SYSTEMS, Observations
+from services.numerics.kernel import kernel
 
 PREFERRED_SIGNALS: Final = {
     "G": ("1C", "1W", "1P", "1Y"),

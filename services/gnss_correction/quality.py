@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.normal_equations import factorise, spread_of_position
 from services.gnss_correction.position_fit import accumulate, geodetic
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.solver_arrays import Float64s, Records, Workspace
+from services.numerics.kernel import kernel
 
 _USABLE = int(Rejection.USABLE)
 

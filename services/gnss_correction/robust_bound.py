@@ -29,11 +29,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.robust_noise import FREEDOM
 from services.gnss_correction.robust_state import CLOCK, SIZE, Memory
 from services.gnss_correction.solver_arrays import Float64s, Records
+from services.numerics.kernel import kernel
 
 COMMON_M: Final = 2.5
 """Horizontal error by broadcast orbits, Klobuchar's half of the ionosphere and the troposphere, one sigma."""

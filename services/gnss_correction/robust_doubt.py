@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.robust_state import VELOCITY, Memory
 from services.gnss_correction.solver_arrays import Records
+from services.numerics.kernel import kernel
 
 DOUBT_S: Final = 3.0
 """Longer than vehicles pass a facade that reflects the strong signals too."""

@@ -13,8 +13,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from schemas.gnss_time import WEEK_S
-from services.gnss_correction.geodesy import ecef_from_geodetic
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.position_fit import geodetic
 from services.gnss_correction.rejection import Outcome, Rejection
 from services.gnss_correction.robust_bound import bound_m, horizontal_variance_m2, respond, take_excess
@@ -39,6 +37,8 @@ from services.gnss_correction.robust_state import (
 )
 from services.gnss_correction.robust_update import model, update
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Bools, Float64s, Ints, Records
+from services.numerics.geodesy import ecef_from_geodetic
+from services.numerics.kernel import kernel
 
 START_M: Final = 100.0
 START_MPS: Final = 20.0

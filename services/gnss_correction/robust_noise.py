@@ -14,9 +14,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.weighting import corrected_extra_m2
 from services.gnss_receiver.observations import SYSTEMS
+from services.numerics.kernel import kernel
 
 USUAL_STRONGEST_DBHZ: Final = 51.0
 """C/N0 of an unobstructed satellite high in the sky (IS-GPS-200, 3.3.1.6, by an antenna of 3 dB)."""

@@ -14,11 +14,11 @@ import numpy as np
 
 from services.gnss_correction.atmosphere import LIGHT_MPS
 from services.gnss_correction.clock_jump import MILLISECOND_M
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import EARTH_RATE_RADPS
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.robust_state import CLOCK, DRIFT, SIZE, VELOCITY, Memory
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Records
+from services.numerics.kernel import kernel
 
 CLIMB_SHARE: Final = 0.1
 """Vertical acceleration against horizontal: vehicles stay on the ground."""

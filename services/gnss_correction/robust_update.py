@@ -17,7 +17,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import delay_m, direct, look
 from services.gnss_correction.normal_equations import factorise, solve_factorised
 from services.gnss_correction.position_fit import geodetic
@@ -26,6 +25,7 @@ from services.gnss_correction.robust_noise import measurement_weight, urban_dopp
 from services.gnss_correction.robust_prediction import range_rate_residual_mps
 from services.gnss_correction.robust_state import CLOCK, DRIFT, SIZE, VELOCITY, Memory
 from services.gnss_correction.solver_arrays import Float64s, Records
+from services.numerics.kernel import kernel
 
 MOST_ROUNDS: Final = 7
 CONVEX_ROUNDS: Final = 2

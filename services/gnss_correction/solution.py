@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 
 from services.gnss_correction.contradiction import CONTRADICTION_M, exclude_contradictions, take_residuals
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import direct, look
 from services.gnss_correction.position_fit import geodetic, locate
 from services.gnss_correction.quality import judge
 from services.gnss_correction.rejection import Outcome
 from services.gnss_correction.solver_arrays import Float64s, Ints, Records, Workspace, no_solutions, workspace
 from services.gnss_correction.velocity_fit import fit_velocity
+from services.numerics.kernel import kernel
 
 LOWEST_PLACE_M: Final = -5_000.0
 HIGHEST_PLACE_M: Final = 50_000.0

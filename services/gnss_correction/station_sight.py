@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from services.gnss_correction.geodesy import ecef_from_geodetic, enu_from_ecef_rotation
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import delay_m, direct, look
 from services.gnss_correction.solver_arrays import Float64s, Records
+from services.numerics.geodesy import ecef_from_geodetic, enu_from_ecef_rotation
+from services.numerics.kernel import kernel
 
 
 class Station(NamedTuple):

@@ -19,7 +19,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from services.gnss_correction.evaluation import FixTrack, Float64s, Polyline, horizontal_m
-from services.gnss_correction.geodesy import enu_about
+from services.numerics.geodesy import enu_about
 
 MARGIN_M: Final = 60.0
 """Around the line; fixes further out are counted, not drawn."""

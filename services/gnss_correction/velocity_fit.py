@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from services.gnss_correction.atmosphere import LIGHT_MPS
-from services.gnss_correction.kernel import kernel
 from services.gnss_correction.line_of_sight import EARTH_RATE_RADPS
 from services.gnss_correction.normal_equations import factorise, solve_factorised
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.solver_arrays import Float64s, Records, Workspace
 from services.gnss_correction.weighting import doppler_variance_m2ps2
+from services.numerics.kernel import kernel
 
 _USABLE = int(Rejection.USABLE)
 _UNKNOWNS = 4

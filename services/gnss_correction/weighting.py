@@ -6,8 +6,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from services.gnss_correction.kernel import kernel
 from services.gnss_receiver.observations import SYSTEMS
+from services.numerics.kernel import kernel
 
 Weights = Literal["elevation", "cn0"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import degrees, dist, radians
 from typing import Final
 
-from services.gnss_correction.geodesy import ecef_from_geodetic, geodetic_from_ecef
 from services.gnss_receiver.heard import StationPosition
+from services.numerics.geodesy import ecef_from_geodetic, geodetic_from_ecef
 
 MOVED_M: Final = 5.0
 """A place that differs by more is another place: coordinates of one antenna in different frames differ by less."""

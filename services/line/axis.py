@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from services.gnss_correction.geodesy import ecef_from_geodetic, enu_about
+from services.numerics.geodesy import ecef_from_geodetic, enu_about
 
 Floats = NDArray[np.float64]
 

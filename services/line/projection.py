@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.gnss_correction.kernel import kernel
 from services.line.axis import Axis
+from services.numerics.kernel import kernel
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.gnss_correction.geodesy import (
+from services.numerics.geodesy import (
     E2,
     WGS84_A_M,
     ecef_from_geodetic,

@@ -11,8 +11,8 @@ from schemas.gnss import Ephemeris, Ionosphere
 from schemas.gnss_time import NS, WEEK_S, unix_ns_from_gps
 from services.gnss_correction.atmosphere import L1_HZ, LIGHT_MPS, klobuchar_delay_m, saastamoinen_delay_m
 from services.gnss_correction.ephemeris_table import tabulate
-from services.gnss_correction.geodesy import elevation_azimuth, geodetic_from_ecef
 from services.gnss_correction.orbit import SatelliteStates, satellite_states
+from services.numerics.geodesy import elevation_azimuth, geodetic_from_ecef
 from services.simulator import constellation
 from services.simulator.scenario import Sky
 

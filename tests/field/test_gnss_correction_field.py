@@ -11,13 +11,13 @@ import pytest
 from services.gnss_correction.evaluation import TruthError, truth_error
 from services.gnss_correction.fix_messages import Corrected, fixes_of
 from services.gnss_correction.fixes_file import read_fixes, read_truth
-from services.gnss_correction.geodesy import enu_about
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solve_file import Solved, solve_file
 from services.gnss_receiver.rinex_navigation_file import read_navigation
 from services.gnss_receiver.rinex_observation_file import read_observations
+from services.numerics.geodesy import enu_about
 
 DATA = os.environ.get("KIROTEI_FIELD_DATA", "")
 pytestmark = pytest.mark.skipif(not DATA, reason="KIROTEI_FIELD_DATA does not say where the recordings are")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from services.gnss_correction.fixes_file import read_fixes, read_truth
-from services.gnss_correction.geodesy import enu_about
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solve_file import Solved, solve_file
 from services.gnss_reference.base_file import Base
 from services.gnss_reference.base_position import parse_position
+from services.numerics.geodesy import enu_about
 
 ROOT = Path(os.environ.get("KIROTEI_FIELD_DATA", "/nonexistent")) / "gnss"
 pytestmark = pytest.mark.skipif(not ROOT.is_dir(), reason="KIROTEI_FIELD_DATA does not name a folder with gnss/")

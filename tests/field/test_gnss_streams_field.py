@@ -16,7 +16,6 @@ import pytest
 
 from schemas.gnss import Ephemeris, Epoch, OwnPosition
 from schemas.gnss_time import unix_ns_from_gps
-from services.gnss_correction.geodesy import ecef_from_geodetic
 from services.gnss_receiver.heard import Heard, StationPosition
 from services.gnss_receiver.nmea_stream import NmeaStream
 from services.gnss_receiver.receiver_stream import ReceiverStream
@@ -27,6 +26,7 @@ from services.gnss_receiver.rtcm_ephemerides import read_ephemeris, write_epheme
 from services.gnss_receiver.rtcm_messages import framed, number_of
 from services.gnss_receiver.rtcm_msm_writing import MsmWriter
 from services.gnss_receiver.stream_frames import Framer
+from services.numerics.geodesy import ecef_from_geodetic
 
 ROOT = Path(os.environ.get("KIROTEI_FIELD_DATA", "/nonexistent")) / "gnss"
 pytestmark = pytest.mark.skipif(not ROOT.is_dir(), reason="KIROTEI_FIELD_DATA does not name a folder with gnss/")

@@ -22,10 +22,10 @@ from schemas.topics import (
     Place,
     topic_of,
 )
-from services.gnss_correction.geodesy import enu_about
 from services.gnss_correction.service import MOST_DEVICES, SERVICE
 from services.gnss_correction.settings import Config
 from services.gnss_correction.thresholds_file import write_thresholds
+from services.numerics.geodesy import enu_about
 from services.recorder.offline_replay import Part, ReplayError, replay, replay_through
 from services.runtime.manual_loop import manual_loop
 from services.runtime.node import Sample

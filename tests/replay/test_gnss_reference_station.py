@@ -12,7 +12,6 @@ import pytest
 
 from schemas.gnss import Corrections, Ephemeris, Epoch
 from schemas.topics import GNSS_CORRECTION, GNSS_EPHEMERIS, Place
-from services.gnss_correction.geodesy import ecef_from_geodetic
 from services.gnss_receiver.heard import StationPosition
 from services.gnss_receiver.reception import FileSource
 from services.gnss_receiver.rinex_error import RinexError
@@ -23,6 +22,7 @@ from services.gnss_receiver.rtcm_station import write_station
 from services.gnss_receiver.service import SERVICE as RECEIVER
 from services.gnss_reference.service import SERVICE, Config, RtcmOut
 from services.gnss_reference.station_place import StationPlace
+from services.numerics.geodesy import ecef_from_geodetic
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode

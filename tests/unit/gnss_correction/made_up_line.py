@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from services.gnss_correction.atmosphere import L1_HZ
-from services.gnss_correction.geodesy import enu_from_ecef_rotation
 from services.gnss_correction.line_of_sight import delay_m, direct, look
 from services.gnss_correction.position_fit import geodetic
 from services.gnss_correction.solver_arrays import ROW, RULES
 from services.line.axis import Axis, axis_of
 from services.line.chainage import Chainage
 from services.line.line_file import LineGeometry
+from services.numerics.geodesy import enu_from_ecef_rotation
 
 LAT_DEG, LON_DEG, H_M = 52.5, 13.4, 80.0
 METRES_PER_LAT = 111_272.0

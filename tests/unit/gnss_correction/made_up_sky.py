@@ -13,9 +13,9 @@ from schemas.gnss import Ephemeris, Epoch, KeplerOrbit, StateVectorOrbit
 from schemas.gnss_time import unix_ns_from_gps
 from services.gnss_correction.atmosphere import L1_HZ, LIGHT_MPS, klobuchar_delay_m, saastamoinen_delay_m
 from services.gnss_correction.ephemeris_table import select, tabulate
-from services.gnss_correction.geodesy import ecef_from_geodetic, elevation_azimuth
 from services.gnss_correction.orbit import BEIDOU_B1I_HZ, SatelliteStates, satellite_states
 from services.gnss_receiver.observations import satellite_code
+from services.numerics.geodesy import ecef_from_geodetic, elevation_azimuth
 
 WEEK = 2_300
 START_S = 216_000.0

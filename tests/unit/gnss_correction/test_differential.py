@@ -11,12 +11,12 @@ import pytest
 from schemas.gnss import Corrections, Ephemeris, Epoch, Fix, Method, SatelliteVerdict
 from services.gnss_correction.differential import CorrectionTable
 from services.gnss_correction.fix_messages import fixes_of
-from services.gnss_correction.geodesy import enu_about
 from services.gnss_correction.pipeline import Correction, block_of
 from services.gnss_correction.settings import Config
 from services.gnss_correction.station_sight import station_at
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.gnss_reference.reference_correction import ReferenceStation, StationSettings
+from services.numerics.geodesy import enu_about
 from tests.unit.gnss_correction.made_up_sky import PLACE_DEG, START_S, constellation, measured
 
 SKY = constellation() + constellation("E")

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from services.gnss_correction.geodesy import geodetic_from_ecef
 from services.gnss_correction.line_method import LINE_SOLUTION, Line, LineInput, LineMethod, LinePlacing, warm_up
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.rejection import Outcome
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solver_arrays import SOLUTION, no_solutions
+from services.numerics.geodesy import geodetic_from_ecef
 from tests.unit.gnss_correction.made_up_line import RULES_HERE, bend, geometry, rows_at, there_and_back
 
 LINE = geometry(bend())

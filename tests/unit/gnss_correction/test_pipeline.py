@@ -15,12 +15,12 @@ from schemas.codec import decode, encode
 from schemas.gnss import Ephemeris, Epoch, Fix, Ionosphere, Method, SatelliteVerdict
 from services.gnss_correction.clock_jump import MILLISECOND_M
 from services.gnss_correction.fix_messages import fixes_of
-from services.gnss_correction.geodesy import enu_about
 from services.gnss_correction.pipeline import Correction, block_of
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solve_file import blocks
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.gnss_receiver.observations import Observations, satellite_code
+from services.numerics.geodesy import enu_about
 from tests.unit.gnss_correction.made_up_sky import PLACE_DEG, START_S, WEEK, constellation, ephemeris, measured
 
 GPS = constellation()

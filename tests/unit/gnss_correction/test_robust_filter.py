@@ -12,13 +12,13 @@ from schemas.gnss import Epoch, Fix, Ionosphere
 from services.gnss_correction import robust_prediction, robust_update
 from services.gnss_correction.clock_jump import MILLISECOND_M
 from services.gnss_correction.fix_messages import fixes_of
-from services.gnss_correction.geodesy import ecef_from_geodetic, enu_about
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.robust_noise import measurement_weight, urban_doppler_variance_m2ps2
 from services.gnss_correction.robust_state import CLOCK, DRIFT, SIZE, VELOCITY, Memory, no_memory
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solve_file import blocks
 from services.gnss_receiver.observations import observations_of
+from services.numerics.geodesy import ecef_from_geodetic, enu_about
 from tests.unit.gnss_correction.made_up_sky import PLACE_DEG, START_S, constellation, measured
 
 GPS = constellation()

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from schemas.gnss import Ephemeris, Epoch, Fix
 from services.gnss_correction.fix_messages import fixes_of
-from services.gnss_correction.geodesy import ecef_from_geodetic, enu_about, enu_from_ecef_rotation
 from services.gnss_correction.pipeline import Correction
 from services.gnss_correction.settings import Config
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.gnss_correction.weighting import cn0_variance_m2, elevation_variance_m2
+from services.numerics.geodesy import ecef_from_geodetic, enu_about, enu_from_ecef_rotation
 from tests.unit.gnss_correction.made_up_sky import PLACE_DEG, START_S, constellation, ephemeris, measured
 
 GPS = constellation()

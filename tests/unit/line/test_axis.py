@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.gnss_correction.geodesy import ecef_from_geodetic
 from services.line.axis import AxisError, axis_of
+from services.numerics.geodesy import ecef_from_geodetic
 
 
 def test_length_along_a_meridian_is_that_of_the_ellipsoid() -> None:

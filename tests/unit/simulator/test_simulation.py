@@ -12,8 +12,8 @@ from schemas.codec import encode
 from schemas.gnss import Ephemeris, Fix, Ionosphere
 from schemas.gnss_time import NS, WEEK_S, unix_ns_from_gps
 from services.gnss_correction.atmosphere import LIGHT_MPS
-from services.gnss_correction.geodesy import enu_about
 from services.gnss_receiver.observations import Observations, observations_of
+from services.numerics.geodesy import enu_about
 from services.simulator.receiver import WAVELENGTH_M
 from services.simulator.scenario import Scenario
 from services.simulator.simulation import Instant, Simulation

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from schemas.gnss import Ephemeris, Fix, Ionosphere
-from services.gnss_correction.geodesy import enu_about
 from services.gnss_receiver.observations import Observations
 from services.gnss_receiver.rinex_navigation_file import read_navigation
 from services.gnss_receiver.rinex_observation_file import read_observations
+from services.numerics.geodesy import enu_about
 from services.simulator.command import simulate
 from services.simulator.scenario import Scenario
 from services.simulator.simulation_file import FILES, write_simulation

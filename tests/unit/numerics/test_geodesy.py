@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.gnss_correction.geodesy import (
+from services.numerics.geodesy import (
     WGS84_A_M,
     WGS84_B_M,
     ecef_from_geodetic,

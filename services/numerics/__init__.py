@@ -1,0 +1,1 @@
+"""What several rooms reckon with: how loops are compiled, the figure of the Earth."""
