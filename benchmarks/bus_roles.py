@@ -17,7 +17,8 @@ from zenoh import ext
 from schemas.codec import decode, encode
 from schemas.health import ServiceEvent
 from schemas.position import TrainTruth
-from schemas.topics import SERVICE_EVENT, TRAIN_TRUTH, Place, Topic
+from schemas.topic import Place, Topic
+from schemas.topics import SERVICE_EVENT, TRAIN_TRUTH
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, RouterConfig

@@ -17,7 +17,7 @@ from pathlib import Path
 from benchmarks.bus import machine
 from benchmarks.gnss import logs, seconds
 from schemas.gnss_time import unix_ns_from_gps
-from schemas.topics import Place
+from schemas.topic import Place
 from services.gnss_receiver.rinex_observation_file import read_observations
 from services.gnss_receiver.service import SERVICE as RECEIVER
 from services.gnss_receiver.service import Config as ReceiverConfig

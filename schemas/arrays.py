@@ -27,6 +27,8 @@ _KINDS = frozenset("biufc")
 
 Float64s = NDArray[np.float64]
 """One-dimensional float64 array; NaN where a value is missing."""
+Int64s = NDArray[np.int64]
+"""One-dimensional int64 array."""
 Uint8s = NDArray[np.uint8]
 """One-dimensional uint8 array."""
 

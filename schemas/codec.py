@@ -16,7 +16,8 @@ import numpy as np
 
 from schemas.arrays import array_from_extension, array_from_lists, array_to_extension, array_to_lists
 from schemas.message import Message
-from schemas.topics import Topic, topic_of
+from schemas.topic import Topic
+from schemas.topics import topic_of
 
 M = TypeVar("M", bound=Message)
 MAX_MESSAGE_BYTES = 1024 * 1024

@@ -6,10 +6,10 @@ from typing import Any, Final
 
 import msgspec
 
-from schemas.line import Line
+from schemas.line import LandmarkDatabase, Line
 from schemas.thresholds import Thresholds
 
-FILES: Final[dict[str, type[msgspec.Struct]]] = {"line": Line, "thresholds": Thresholds}
+FILES: Final[dict[str, type[msgspec.Struct]]] = {"landmarks": LandmarkDatabase, "line": Line, "thresholds": Thresholds}
 
 
 def file_schema(name: str) -> dict[str, Any] | None:

@@ -1,145 +1,13 @@
 """Every topic, once: key template, message type, delivery, nominal rate.
 
-A key is `kirotei/v1/<line>/<place kind>/<place>/<subject…>`. Services never format keys:
-`topic.at(place)` gives the key to publish on, `topic.within(place)` and
-`topic.anywhere()` what to subscribe to, `topic_of(key)` finds the topic of a key.
+How keys are made of them, and topics found from keys: schemas/topic.py.
 """
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass, field
-from enum import Enum
-from functools import lru_cache
-from typing import Generic, Literal, TypeVar, get_args
-
-from schemas import gnss, health, position
+from schemas import gnss, health, motion, position
 from schemas.message import Message
-
-ROOT = "kirotei/v1"
-PlaceKind = Literal["train", "wayside", "cloud"]
-PLACE_KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)
-
-M_co = TypeVar("M_co", bound=Message, covariant=True)
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}")
-_FIELD = re.compile(r"\{([a-z_]+)\}")
-
-
-class TopicError(ValueError):
-    """A key, a place or a field that the topic table does not allow."""
-
-
-class Delivery(Enum):
-    """What a topic promises its readers."""
-
-    STREAM = "stream"
-    """The newest matters; loss is tolerated."""
-    STATE = "state"
-    """Late joiners get the last value; short gaps are recovered."""
-    EVENT = "event"
-    """Every one must arrive while both ends live."""
-    KEPT = "kept"
-    """Must reach the cloud, whatever the link does."""
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a service works: a train, a wayside site or a cloud of one line."""
-
-    line: str
-    kind: PlaceKind
-    name: str
-
-    def __post_init__(self) -> None:
-        """Refuse names that cannot stand in a key."""
-        if self.kind not in PLACE_KINDS:
-            msg = f"place kind {self.kind!r} is not one of {', '.join(PLACE_KINDS)}"
-            raise TopicError(msg)
-        _require_name("line", self.line)
-        _require_name(self.kind, self.name)
-
-    def __str__(self) -> str:
-        """Line, kind and name as they stand in a key."""
-        return f"{self.line}/{self.kind}/{self.name}"
-
-
-def _require_name(what: str, name: str) -> None:
-    if not _NAME.fullmatch(name):
-        msg = f"{what} {name!r} cannot stand in a key: use letters, digits and _ . @ + - (at most 64)"
-        raise TopicError(msg)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Topic(Generic[M_co]):
-    """One subject of the bus.
-
-    `template` starts with the place kind (`train/{train}/…`) or with `{kind}/{place}/…`
-    where every kind of place speaks of it; further fields in braces name devices, methods
-    and the like.
-    """
-
-    template: str
-    message: type[M_co]
-    delivery: Delivery
-    rate_hz: float | None
-    """Nominal rate of one key; None for what comes when it comes."""
-    about: str
-    fields: tuple[str, ...] = field(init=False)
-    """Names in braces after the place."""
-
-    def __post_init__(self) -> None:
-        """Work out the fields once."""
-        chunks = self.template.split("/")
-        object.__setattr__(self, "fields", tuple(_FIELD.findall("/".join(chunks[2:]))))
-
-    @property
-    def name(self) -> str:
-        """Short name that people type: the template without place and fields ('gnss/fix')."""
-        return "/".join(chunk for chunk in self.template.split("/")[2:] if not chunk.startswith("{"))
-
-    @property
-    def schema_name(self) -> str:
-        """Name of the message, with its file ('gnss.Fix')."""
-        return f"{self.message.__module__.removeprefix('schemas.')}.{self.message.__qualname__}"
-
-    def at(self, place: Place, **fields: str) -> str:
-        """Key of this topic at a place. TopicError when the kind or the fields do not fit."""
-        kind = self.template.split("/", 1)[0]
-        if kind not in ("{kind}", place.kind):
-            msg = f"topic {self.template} belongs to a {kind}, not to {place}"
-            raise TopicError(msg)
-        if set(fields) != set(self.fields):
-            msg = f"topic {self.template} wants the fields {self.fields}, not {tuple(fields)}"
-            raise TopicError(msg)
-        for what, name in fields.items():
-            _require_name(what, name)
-        subject = "/".join(
-            fields[chunk[1:-1]] if chunk.startswith("{") else chunk for chunk in self.template.split("/")[2:]
-        )
-        return f"{ROOT}/{place}/{subject}"
-
-    def within(self, place: Place) -> str:
-        """Key expression of this topic at a place, with any device, method or other field."""
-        return self.at(place, **dict.fromkeys(self.fields, "x")) if not self.fields else self._wild(str(place))
-
-    def anywhere(self, line: str = "*") -> str:
-        """Key expression of this topic at every place (of a line, or of all lines)."""
-        kind = self.template.split("/", 1)[0]
-        return self._wild(f"{line}/{'*' if kind.startswith('{') else kind}/*")
-
-    def _wild(self, place: str) -> str:
-        subject = "/".join("*" if chunk.startswith("{") else chunk for chunk in self.template.split("/")[2:])
-        return f"{ROOT}/{place}/{subject}"
-
-
-@dataclass(frozen=True, slots=True)
-class Address:
-    """A concrete key taken apart."""
-
-    topic: Topic[Message]
-    place: Place
-    fields: dict[str, str]
-
+from schemas.topic import ROOT, Address, Delivery, Topic, TopicError, TopicTable
 
 GNSS_EPOCH = Topic(
     "train/{train}/gnss/{device}/epoch",
@@ -207,6 +75,68 @@ TRAIN_TRUTH = Topic(
     5.0,
     "where a simulated antenna really is",
 )
+IMU = Topic("train/{train}/imu/{device}", motion.ImuBlock, Delivery.STREAM, 10.0, "samples of an inertial sensor")
+TACHO = Topic("train/{train}/tacho/{device}", motion.TachoBlock, Delivery.STREAM, 10.0, "counts of an axle's pulses")
+MOTION_WARNING = Topic(
+    "train/{train}/motion/warning/{device}",
+    motion.MotionWarning,
+    Delivery.KEPT,
+    None,
+    "something wrong with a motion sensor or its mounting",
+)
+ODOMETRY = Topic(
+    "train/{train}/odometry", motion.Odometry, Delivery.STATE, 10.0, "way gone, speed, and their largest possible error"
+)
+SLIP_EPISODE = Topic(
+    "train/{train}/slip", motion.SlipEpisode, Delivery.KEPT, None, "a slide or spin, from start point to re-adhesion"
+)
+LANDMARK_MATCH = Topic(
+    "train/{train}/landmark", position.LandmarkMatch, Delivery.KEPT, None, "a curve recognised or refused"
+)
+BRANCH_EVIDENCE = Topic(
+    "train/{train}/branch", position.BranchEvidence, Delivery.STATE, None, "which branch the curvature speaks for"
+)
+BALISE = Topic("train/{train}/balise/{device}", position.BalisePassage, Delivery.EVENT, None, "a balise passed")
+TRAIN_CHANGE = Topic(
+    "train/{train}/change",
+    position.TrainChange,
+    Delivery.KEPT,
+    None,
+    "cab, length, wheels or route changed, as the train's equipment or a person says",
+    from_outside=True,
+)
+TRAIN_POSITION = Topic(
+    "train/{train}/position", position.TrainPosition, Delivery.STATE, 10.0, "where the train is, and where at worst"
+)
+REFERENCE_PASS = Topic(
+    "train/{train}/reference_pass",
+    position.ReferencePass,
+    Delivery.KEPT,
+    None,
+    "error of the position at a balise or landmark, against its bound",
+)
+POSITION_EVENT = Topic(
+    "train/{train}/position_event",
+    position.PositionEvent,
+    Delivery.KEPT,
+    None,
+    "resets, contradictions, changes of status of the position",
+)
+MOTION_TRUTH = Topic(
+    "train/{train}/motion_truth",
+    position.MotionTruth,
+    Delivery.STREAM,
+    10.0,
+    "where a simulated train's front end really is",
+)
+SIMULATOR_FAULT = Topic(
+    "train/{train}/simulator_fault",
+    position.SimulatorFault,
+    Delivery.EVENT,
+    None,
+    "a fault to be switched on or off in a simulated train",
+    from_outside=True,
+)
 HEALTH = Topic("{kind}/{place}/health/{service}", health.Health, Delivery.STATE, 1.0, "how one service is doing")
 SERVICE_EVENT = Topic(
     "{kind}/{place}/event/{service}",
@@ -227,66 +157,24 @@ ALL: tuple[Topic[Message], ...] = (
     GNSS_CORRECTION,
     GNSS_FRONT_END,
     TRAIN_TRUTH,
+    IMU,
+    TACHO,
+    MOTION_WARNING,
+    ODOMETRY,
+    SLIP_EPISODE,
+    LANDMARK_MATCH,
+    BRANCH_EVIDENCE,
+    BALISE,
+    TRAIN_CHANGE,
+    TRAIN_POSITION,
+    REFERENCE_PASS,
+    POSITION_EVENT,
+    MOTION_TRUTH,
+    SIMULATOR_FAULT,
     HEALTH,
     SERVICE_EVENT,
 )
 EVERYTHING = f"{ROOT}/**"
-
-
-class _Branch:
-    """One level of the trie that finds a topic from a key."""
-
-    __slots__ = ("children", "topic")
-
-    def __init__(self) -> None:
-        self.children: dict[str, _Branch] = {}
-        self.topic: Topic[Message] | None = None
-
-
-class TopicTable:
-    """Finds the topic of a key. Key templates may not intersect (TopicError)."""
-
-    def __init__(self, topics: tuple[Topic[Message], ...]) -> None:
-        """Build the trie of `topics`."""
-        self._root = _Branch()
-        for topic in topics:
-            kind, *_ = topic.template.split("/")
-            for concrete in PLACE_KINDS if kind == "{kind}" else (kind,):
-                self._insert([concrete, "{}", *topic.template.split("/")[2:]], topic)
-        self.find = lru_cache(maxsize=65_536)(self._find)
-
-    def _insert(self, chunks: list[str], topic: Topic[Message]) -> None:
-        branches = [self._root]
-        for chunk in chunks:
-            label = "{}" if chunk.startswith("{") else chunk
-            for branch in branches:
-                if branch.children and (label == "{}") != ("{}" in branch.children):
-                    msg = f"topic {topic.template} intersects another at {chunk!r}"
-                    raise TopicError(msg)
-            branches = [branch.children.setdefault(label, _Branch()) for branch in branches]
-        if branches[0].topic is not None:
-            msg = f"topic {topic.template} stands twice in the table"
-            raise TopicError(msg)
-        branches[0].topic = topic
-
-    def _find(self, key: str) -> Address | None:
-        chunks = key.split("/")
-        if len(chunks) < 6 or chunks[0] != "kirotei" or chunks[1] != "v1":  # noqa: PLR2004 - root, line, kind, place, subject
-            return None
-        branch: _Branch | None = self._root
-        for chunk in chunks[3:]:
-            branch = branch and (branch.children.get(chunk) or branch.children.get("{}"))
-        if branch is None or branch.topic is None:
-            return None
-        try:
-            place = Place(chunks[2], chunks[3], chunks[4])  # type: ignore[arg-type]  # checked by Place itself
-        except TopicError:
-            return None
-        template = branch.topic.template.split("/")
-        fields = {t[1:-1]: c for t, c in zip(template[2:], chunks[5:], strict=True) if t.startswith("{")}
-        return Address(branch.topic, place, fields)
-
-
 TABLE = TopicTable(ALL)
 
 

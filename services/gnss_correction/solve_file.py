@@ -23,8 +23,7 @@ from services.gnss_correction.thresholds_file import read_thresholds
 from services.gnss_correction.verdict_messages import verdicts_of
 from services.gnss_correction.wheel_file import read_wheel
 from services.gnss_receiver.observations import FileIssue, Navigation, Observations
-from services.gnss_receiver.rinex_navigation_file import read_navigation
-from services.gnss_receiver.rinex_observation_file import read_observations
+from services.gnss_receiver.session_file import began_ns, read_session
 from services.gnss_reference.base_file import Base, read_corrections
 from services.gnss_reference.reference_correction import StationSettings
 from services.line.line_file import read_line
@@ -111,9 +110,11 @@ def _informed(config: Config, navigation: Navigation, line: Line | None) -> Corr
     return correction
 
 
-def _correct_by(correction: Correction, base: Base, navigation: Navigation) -> Sequence[FileIssue]:
+def _correct_by(
+    correction: Correction, base: Base, navigation: Navigation, observations: Observations
+) -> Sequence[FileIssue]:
     """Hand the corrections of a base to the pipeline, which takes of them what each epoch may know."""
-    corrections, issues = read_corrections(base, navigation, StationSettings())
+    corrections, issues = read_corrections(base, navigation, StationSettings(), beside_ns=began_ns(observations))
     for one in corrections:
         correction.correct_by(one)
     return issues
@@ -152,14 +153,13 @@ def solve_file(
     Raises RinexError for files that are none, LineFileError and WheelFileError likewise, SolveError
     when nothing can be solved at all (then nothing is written), OSError.
     """
-    navigation = read_navigation(navigation_paths)
-    observations = read_observations(rover)
+    observations, navigation = read_session(rover, navigation_paths)
     if not len(observations):
         msg = f"{rover}: no epoch that can be read"
         raise SolveError(msg)
     _require_cover(config, observations, navigation, ", ".join(str(path) for path in navigation_paths))
     correction = _informed(config, navigation, _line(config, wheel, observations))
-    base_issues = _correct_by(correction, base, navigation) if base is not None else ()
+    base_issues = _correct_by(correction, base, navigation, observations) if base is not None else ()
     writer = FixesWriter(out, verdicts, chainage=bool(config.line_file))
     fixes, flagged, reasons, words = 0, 0, Counter[str](), Counter[str]()
     try:

@@ -20,8 +20,7 @@ from services.gnss_correction.threshold_sweep import SweepRow, sweep
 from services.gnss_correction.threshold_tuning import bands_of, changes_of, joined
 from services.gnss_correction.thresholds_file import write_thresholds
 from services.gnss_receiver.observations import Navigation, Observations
-from services.gnss_receiver.rinex_navigation_file import read_navigation
-from services.gnss_receiver.rinex_observation_file import read_observations
+from services.gnss_receiver.session_file import read_session
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +46,7 @@ class Recording:
 
 def read_recording(rover: Path, navigation: Sequence[Path]) -> Recording:
     """Read a recording. Raises RinexError, SolveError when it holds no epoch, OSError."""
-    recording = Recording(rover, read_observations(rover), read_navigation(navigation))
+    recording = Recording(rover, *read_session(rover, navigation))
     if not len(recording.observations):
         msg = f"{rover}: no epoch that can be read"
         raise SolveError(msg)

@@ -23,6 +23,10 @@ _NO_FAULT: Final = ("bytes", "epochs", "own_positions", "ephemerides_repeated", 
 _NO_FAULT_BEGINNINGS: Final = ("not_read_", "rtcm3_frames", "ubx_frames", "nmea_frames", "positions_twice")
 
 
+class UndatedError(RinexError):
+    """A recording that does not name its day."""
+
+
 @dataclass(frozen=True, slots=True)
 class Recording:
     """Everything of use in a recording."""
@@ -44,25 +48,32 @@ def heard_in(content: bytes, stream: ReceiverStream) -> Iterator[Heard]:
     yield from stream.cut()
 
 
-def open_recording(path: Path, recorded_ns: int | None = None) -> tuple[bytes, ReceiverStream]:
+def open_recording(
+    path: Path, recorded_ns: int | None = None, *, beside_ns: int | None = None
+) -> tuple[bytes, ReceiverStream]:
     """Bytes of a recording, and the stream that reads them; `recorded_ns` is a time (UTC) within three days of it.
 
-    Without that the messages themselves must name the day; of weeks counted modulo 1024 the one
-    nearest to the file's own date is taken. Raises RinexError when they name none, or when it is no
-    recording at all; OSError when the file cannot be read.
+    Without that the messages themselves must name the day; where they do not, it is that of
+    `beside_ns`, the time of a recording made beside it. Of weeks counted modulo 1024 the one nearest to
+    `beside_ns` is taken, or else to the file's own date. Raises UndatedError when nothing names the day,
+    RinexError when it is no recording at all; OSError when the file cannot be read.
     """
     content = read_bytes(path).content
     if not is_stream(content):
         raise RinexError(str(path), 0, "it holds no RTCM 3, UBX or NMEA messages; give a receiver's recording")
-    near_ns = date_of(content, path.stat().st_mtime_ns) if recorded_ns is None else recorded_ns
+    near_ns = recorded_ns
     if near_ns is None:
-        raise RinexError(str(path), 0, "no message in it names the day; say when it was recorded")
+        near_ns = date_of(content, path.stat().st_mtime_ns if beside_ns is None else beside_ns)
+    if near_ns is None:
+        near_ns = beside_ns
+    if near_ns is None:
+        raise UndatedError(str(path), 0, "no message in it names the day; say when it was recorded")
     return content, ReceiverStream(near_ns)
 
 
-def read_recording(path: Path, recorded_ns: int | None = None) -> Recording:
+def read_recording(path: Path, recorded_ns: int | None = None, *, beside_ns: int | None = None) -> Recording:
     """Everything of use in a recording; what was refused stands as issues. See `open_recording`."""
-    content, stream = open_recording(path, recorded_ns)
+    content, stream = open_recording(path, recorded_ns, beside_ns=beside_ns)
     epochs: list[Epoch] = []
     ephemerides: list[Ephemeris] = []
     ionosphere: Ionosphere | None = None

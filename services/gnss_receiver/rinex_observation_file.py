@@ -14,17 +14,20 @@ from services.gnss_receiver.rinex_observation_text import RecordingHeader, obser
 from services.gnss_receiver.rinex_observations import parse_observations
 
 
-def read_observations(path: Path, *, progress: Callable[[float], None] | None = None) -> Observations:
+def read_observations(
+    path: Path, *, progress: Callable[[float], None] | None = None, beside_ns: int | None = None
+) -> Observations:
     """Everything that is good in a recording of observations; what was refused stands in `issues`.
 
     RINEX 2.10-2.12 and 3.00-3.05, plain, packed or Hatanaka-compressed, and RTCM 3 or UBX as a
     receiver sent them, recognised by content.
+    `beside_ns` is the time (UTC) of a recording made beside it, for one that does not name its day.
     `progress` gets the fraction done, rising to 1. Blocks: call it in a thread from asyncio code.
     Raises RinexError when it is no such file, OSError when it cannot be read.
     """
     unpacked = read_bytes(path)
     if is_stream(unpacked.content):
-        return read_recording(path).observations
+        return read_recording(path, beside_ns=beside_ns).observations
     observations = parse_observations(unpacked.content, str(path), progress)
     return replace(observations, issues=unpacked.issues + observations.issues)
 

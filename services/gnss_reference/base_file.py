@@ -22,13 +22,14 @@ class Base:
 
 
 def read_corrections(
-    base: Base, navigation: Navigation, settings: StationSettings
+    base: Base, navigation: Navigation, settings: StationSettings, *, beside_ns: int | None = None
 ) -> tuple[list[Corrections], Sequence[FileIssue]]:
     """Corrections of every epoch of a base, and what was refused in its file.
 
+    `beside_ns` is a time (UTC) of the rover's recording, for a base's that does not name its day.
     Raises ValueError when it holds no epoch, RinexError, OSError.
     """
-    observations = read_observations(base.observations)
+    observations = read_observations(base.observations, beside_ns=beside_ns)
     if not len(observations):
         msg = f"{base.observations}: no epoch that can be read"
         raise ValueError(msg)

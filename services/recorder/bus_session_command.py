@@ -12,7 +12,7 @@ from typing import NoReturn
 import msgspec
 
 from schemas import topics
-from schemas.topics import Place
+from schemas.topic import Place
 from services.recorder.live_replay import OriginalAliveError
 from services.recorder.recording_file import RecordingError
 from services.runtime.clock import LiveClock

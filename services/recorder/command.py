@@ -119,7 +119,7 @@ def replay(
 def _replay_live(
     file: Path, key: str | None, connect: str, speed: float, line: str | None, *, as_json: bool
 ) -> NoReturn:
-    from schemas.topics import TopicError
+    from schemas.topic import TopicError
     from services.recorder.live_replay import ReplayConfig
     from services.recorder.live_replay_command import run_live_replay
     from services.recorder.recording_file import RecordingError, require_complete
@@ -136,7 +136,7 @@ def _replay_live(
 def _replay_offline(
     file: Path, through: str, out: Path, config: Path | None, place: str | None, key: str | None, *, as_json: bool
 ) -> None:
-    from schemas.topics import TopicError
+    from schemas.topic import TopicError
     from services.recorder.offline_replay import ReplayError
     from services.recorder.offline_replay_command import parts_of, place_of, run_offline_replay
     from services.recorder.recording_file import RecordingError, require_complete

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from schemas.topics import Place
+from schemas.topic import Place
 from services.recorder.bus_session_command import BusSession
 from services.recorder.contents_words import megabytes
 from services.recorder.mcap_file import RecordingWriter, UnrecordableError

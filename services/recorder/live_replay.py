@@ -14,8 +14,8 @@ from typing import Protocol
 
 import msgspec
 
-from schemas import topics
-from schemas.topics import Address, TopicError, topic_of
+from schemas.topic import ROOT, Address, TopicError
+from schemas.topics import topic_of
 from services.recorder.mcap_file import Lane
 from services.runtime.alive import AliveChange
 from services.runtime.node import Node, Sample
@@ -83,8 +83,8 @@ def on_line(key: str, line: str | None) -> str:
     """
     if line is None:
         return key
-    root, _, rest = key.partition(f"{topics.ROOT}/")
-    return key if root or not rest else f"{topics.ROOT}/{line}/{rest.partition('/')[2]}"
+    root, _, rest = key.partition(f"{ROOT}/")
+    return key if root or not rest else f"{ROOT}/{line}/{rest.partition('/')[2]}"
 
 
 def senders(lanes: Iterable[Lane], line: str | None) -> set[str]:

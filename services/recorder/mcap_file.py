@@ -19,7 +19,8 @@ from mcap.writer import CompressionType, Writer
 
 from schemas.codec import json_schema
 from schemas.message import Message
-from schemas.topics import Topic, topic_of
+from schemas.topic import Topic
+from schemas.topics import topic_of
 from services.runtime.attachment import Attachment, decode_attachment, encode_attachment
 from services.runtime.node import Sample
 

@@ -16,7 +16,8 @@ from typing import Any
 import msgspec
 
 from schemas.message import Message
-from schemas.topics import Address, Place, Topic, topic_of
+from schemas.topic import Address, Place, Topic
+from schemas.topics import topic_of
 from services.runtime.attachment import decode_attachment
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import ManualLoop, manual_loop

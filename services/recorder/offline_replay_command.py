@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from schemas.topics import PLACE_KINDS, Place, TopicError
+from schemas.topic import PLACE_KINDS, Place, TopicError
 from services.recorder.mcap_file import RecordingWriter
 from services.recorder.offline_replay import OfflineReplay, Part, ReplayError, replay
 from services.recorder.part_file import PartFile

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import get_args
 
-from schemas.topics import ROOT, Place, PlaceKind, TopicError
+from schemas.topic import ROOT, Place, PlaceKind, TopicError
 
 LOST_AFTER_S = 5.0
 _CHUNKS = len(f"{ROOT}/line/kind/place/alive/instance/boot".split("/"))

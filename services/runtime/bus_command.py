@@ -18,12 +18,13 @@ def topics(*, as_json: JsonFlag = False) -> None:
     Example: kirotei topics
     """
     from schemas import topics as table
+    from schemas.topic import ROOT
 
     if as_json:
         rows = [
             {
                 "name": topic.name,
-                "key": f"{table.ROOT}/<line>/{topic.template}",
+                "key": f"{ROOT}/<line>/{topic.template}",
                 "message": topic.schema_name,
                 "delivery": topic.delivery.value,
                 "rate_hz": topic.rate_hz,
@@ -33,7 +34,7 @@ def topics(*, as_json: JsonFlag = False) -> None:
         ]
         typer.echo(json.dumps(rows, indent=2, ensure_ascii=False))
         return
-    typer.echo(f"Keys are {table.ROOT}/<line>/ and:\n")
+    typer.echo(f"Keys are {ROOT}/<line>/ and:\n")
     for topic in table.ALL:
         rate = "" if topic.rate_hz is None else f"{topic.rate_hz:g} Hz"
         typer.echo(
@@ -52,7 +53,8 @@ def schema(
     """
     from schemas.codec import json_schema
     from schemas.files import file_schema
-    from schemas.topics import TopicError, topic_named
+    from schemas.topic import TopicError
+    from schemas.topics import topic_named
 
     of_file = file_schema(topic)
     if of_file is not None:
@@ -80,6 +82,7 @@ def decode(
     from schemas import topics as table
     from schemas.codec import DecodeError, encode_json
     from schemas.codec import decode as decode_bytes
+    from schemas.topic import TopicError
 
     if (topic is None) == (key is None):
         typer.echo("kirotei decode: give either --topic or --key", err=True)
@@ -93,7 +96,7 @@ def decode(
                 typer.echo(f"kirotei decode: no topic has the key {key}; see `kirotei topics`", err=True)
                 raise typer.Exit(2)
             found = address.topic
-    except table.TopicError as error:
+    except TopicError as error:
         typer.echo(f"kirotei decode: {error}", err=True)
         raise typer.Exit(2) from error
     try:

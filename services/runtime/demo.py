@@ -15,7 +15,7 @@ from typing import NoReturn
 from rich.console import Console
 from rich.live import Live
 
-from schemas.topics import Place
+from schemas.topic import Place
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig
 from services.runtime.process_end import StopSignals, end_process

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from schemas.topics import Place, PlaceKind
+from schemas.topic import Place, PlaceKind
 
 Endpoint = Annotated[str, Meta(pattern=r"^(tcp|tls|quic|unixsock-stream|ws)/.+$")]
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")]

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Sequence
 
 from schemas.message import Message
-from schemas.topics import TopicTable
+from schemas.topic import TopicTable
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
 from services.runtime.node import Arrival, Sample

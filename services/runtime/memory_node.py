@@ -15,7 +15,8 @@ from msgspec import Struct
 
 from schemas.codec import encode
 from schemas.message import Message
-from schemas.topics import TABLE, Delivery, Place, Topic, TopicError, TopicTable
+from schemas.topic import Delivery, Place, Topic, TopicError, TopicTable
+from schemas.topics import TABLE
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard

@@ -13,7 +13,8 @@ from typing import Any, Generic, Protocol, TypeVar, overload
 from msgspec import Struct
 
 from schemas.message import Message
-from schemas.topics import HEALTH, SERVICE_EVENT, Place, Topic, TopicError
+from schemas.topic import Place, Topic, TopicError
+from schemas.topics import HEALTH, SERVICE_EVENT
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
 

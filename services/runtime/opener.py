@@ -9,7 +9,7 @@ import msgspec
 
 from schemas.codec import MAX_MESSAGE_BYTES, DecodeError, decode, decoder_of
 from schemas.message import Message
-from schemas.topics import Address, Delivery, TopicTable
+from schemas.topic import Address, Delivery, TopicTable
 from services.runtime.attachment import UNMARKED, Attachment, decode_attachment
 from services.runtime.health import HealthBoard, Input
 from services.runtime.node import Arrival, Sample

@@ -17,7 +17,8 @@ from schemas.gnss import Fix
 from schemas.health import Health
 from schemas.message import Message
 from schemas.position import TrainTruth
-from schemas.topics import GNSS_COMPARISON, GNSS_FIX, HEALTH, TRAIN_TRUTH, Place, TopicError
+from schemas.topic import Place, TopicError
+from schemas.topics import GNSS_COMPARISON, GNSS_FIX, HEALTH, TRAIN_TRUTH
 from services.runtime.alive import AliveChange
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, Settings

@@ -14,7 +14,8 @@ import zenoh
 
 from schemas.codec import encode
 from schemas.message import Message
-from schemas.topics import TABLE, Delivery, Place, Topic, TopicError
+from schemas.topic import Delivery, Place, Topic, TopicError
+from schemas.topics import TABLE
 from services.runtime.alive import AliveChange, Token, tokens_anywhere
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard

@@ -13,7 +13,7 @@ import zenoh
 from zenoh import CongestionControl, Reliability, ext
 
 from schemas.message import Message
-from schemas.topics import Delivery, Topic
+from schemas.topic import Delivery, Topic
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import Clock
 

@@ -12,6 +12,7 @@ import pytest
 from schemas.codec import decode, encode
 from schemas.gnss import Epoch, Fix, Ionosphere, Verdicts
 from schemas.thresholds import Band, Thresholds
+from schemas.topic import Place
 from schemas.topics import (
     GNSS_COMPARISON,
     GNSS_EPHEMERIS,
@@ -19,7 +20,6 @@ from schemas.topics import (
     GNSS_FIX,
     GNSS_IONOSPHERE,
     GNSS_VERDICT,
-    Place,
     topic_of,
 )
 from services.gnss_correction.service import MOST_DEVICES, SERVICE

@@ -12,7 +12,8 @@ import pytest
 
 from schemas.gnss import Ephemeris, Epoch, Ionosphere
 from schemas.gnss_time import unix_ns_from_gps
-from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, Place
+from schemas.topic import Place
+from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE
 from services.gnss_receiver.reception_stream import LATEST_S, LONGEST_WAIT_S, PAUSE_S
 from services.gnss_receiver.rinex_error import RinexError
 from services.gnss_receiver.rinex_observation_file import read_observations

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from schemas.codec import decode
 from schemas.gnss import Corrections, Fix
-from schemas.topics import GNSS_CORRECTION, GNSS_FIX, Place
+from schemas.topic import Place
+from schemas.topics import GNSS_CORRECTION, GNSS_FIX
 from services.gnss_correction.service import SERVICE as CORRECTION
 from services.gnss_correction.settings import Config
 from services.gnss_receiver.observations import Navigation

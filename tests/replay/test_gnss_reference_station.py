@@ -11,7 +11,8 @@ import msgspec
 import pytest
 
 from schemas.gnss import Corrections, Ephemeris, Epoch
-from schemas.topics import GNSS_CORRECTION, GNSS_EPHEMERIS, Place
+from schemas.topic import Place
+from schemas.topics import GNSS_CORRECTION, GNSS_EPHEMERIS
 from services.gnss_receiver.heard import StationPosition
 from services.gnss_receiver.reception import FileSource
 from services.gnss_receiver.rinex_error import RinexError

@@ -10,7 +10,8 @@ import msgspec
 import pytest
 
 from schemas.gnss import Ephemeris, Epoch, Ionosphere, OwnPosition
-from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, GNSS_OWN_POSITION, Place
+from schemas.topic import Place
+from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, GNSS_OWN_POSITION
 from services.gnss_receiver.byte_source import READ_S, SourceError
 from services.gnss_receiver.heard import Heard, StationPosition
 from services.gnss_receiver.live_stream import connection, follow

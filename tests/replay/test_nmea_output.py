@@ -8,7 +8,8 @@ import socket
 import msgspec
 from msgspec.structs import replace
 
-from schemas.topics import GNSS_FIX, Place
+from schemas.topic import Place
+from schemas.topics import GNSS_FIX
 from services.nmea_output.sentences import sentences
 from services.nmea_output.service import SERVICE, Config
 from services.runtime.clock import ManualClock

@@ -13,7 +13,7 @@ import pytest
 
 from schemas import topics
 from schemas.position import TrainTruth
-from schemas.topics import Delivery, Place
+from schemas.topic import Delivery, Place
 from services.recorder.recording_file import read_recording
 from services.recorder.service import SERVICE, Config
 from services.runtime.catalogue import load_service

@@ -11,6 +11,7 @@ import pytest
 
 from schemas import topics
 from schemas.message import Message
+from schemas.topic import Topic
 from schemas.topics import topic_of
 from services.gnss_correction.service import SERVICE as CORRECTION
 from services.gnss_correction.settings import Config as CorrectionConfig
@@ -52,7 +53,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def of(samples: list[Sample], *wanted: topics.Topic[Message]) -> list[Sample]:
+def of(samples: list[Sample], *wanted: Topic[Message]) -> list[Sample]:
     found = ((sample, topic_of(sample.key)) for sample in samples)
     return [sample for sample, address in found if address is not None and address.topic in wanted]
 

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from schemas import topics
-from schemas.topics import Place, TopicError
+from schemas.topic import Place, TopicError
 from services.recorder.live_replay import (
     LONGEST_WAIT_S,
     Played,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from schemas import topics
 from schemas.codec import decode
 from schemas.gnss import Fix
-from schemas.topics import Place
+from schemas.topic import Place
 from services.recorder.mcap_file import RecordingWriter
 from services.recorder.offline_replay import ReplayError, replay_through
 from services.runtime.attachment import Attachment, decode_attachment, encode_attachment

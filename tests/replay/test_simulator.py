@@ -12,7 +12,8 @@ from schemas.gnss import Ephemeris, Epoch, Ionosphere
 from schemas.gnss_time import NS, gps_from_unix_ns, unix_ns_from_gps
 from schemas.message import Message
 from schemas.position import TrainTruth
-from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, TRAIN_TRUTH, Place
+from schemas.topic import Place
+from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, TRAIN_TRUTH
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import ManualLoop, manual_loop
 from services.runtime.memory_node import MemoryBus, MemoryNode

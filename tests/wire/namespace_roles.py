@@ -15,7 +15,8 @@ from schemas.gnss import Fix
 from schemas.health import ServiceEvent
 from schemas.message import Message
 from schemas.position import TrainTruth
-from schemas.topics import GNSS_FIX, SERVICE_EVENT, TRAIN_TRUTH, Place, Topic
+from schemas.topic import Place, Topic
+from schemas.topics import GNSS_FIX, SERVICE_EVENT, TRAIN_TRUTH
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, RouterConfig
 from services.runtime.node import Node, Service

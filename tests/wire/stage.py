@@ -15,7 +15,7 @@ from schemas.gnss import Fix
 from schemas.health import ServiceEvent
 from schemas.message import Message
 from schemas.position import TrainTruth
-from schemas.topics import Place, Topic
+from schemas.topic import Place, Topic
 from services.runtime.clock import Clock, LiveClock
 from services.runtime.host_config import BusConfig
 from services.runtime.node import Arrival, Node, Service

@@ -12,7 +12,7 @@ import zenoh
 
 from schemas import topics
 from schemas.codec import encode
-from schemas.topics import ROOT
+from schemas.topic import ROOT
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import LiveClock
 from services.runtime.inbox import DEFAULT_CAPACITY

@@ -9,7 +9,7 @@ import pytest
 import zenoh
 
 from schemas import topics
-from schemas.topics import Place
+from schemas.topic import Place
 from services.runtime.attachment import decode_attachment
 from services.runtime.node import UndeclaredTopicError
 from services.runtime.router import Router

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from schemas.topics import Place
+from schemas.topic import Place
 from services.runtime.alive import AliveChange, Token
 from services.runtime.clock import LiveClock
 from services.runtime.zenoh_liveliness import IdentityTakenError, services_alive

@@ -14,7 +14,7 @@ import pytest
 
 from schemas import topics
 from schemas.health import ServiceEvent
-from schemas.topics import Place
+from schemas.topic import Place
 from services.recorder.contents_file import contents_of
 from services.recorder.mcap_file import RecordingWriter
 from services.recorder.part_file import PartFile

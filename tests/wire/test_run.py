@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from schemas.topics import SERVICE_EVENT, Place
+from schemas.topic import Place
+from schemas.topics import SERVICE_EVENT
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, RouterConfig, Settings
 from services.runtime.node import Node, Service

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from schemas.position import TrainTruth
-from schemas.topics import TRAIN_TRUTH, Place
+from schemas.topic import Place
+from schemas.topics import TRAIN_TRUTH
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, RouterConfig, Settings
 from services.runtime.node import Arrival, Node, Service

@@ -13,13 +13,14 @@ import zenoh
 from schemas import topics
 from schemas.codec import decode, encode, encode_json
 from schemas.gnss import Fix
+from schemas.topic import Place
 from services.runtime.host_config import RouterConfig
 from services.runtime.router import open_router
 from tests.unit.schemas.examples import EXAMPLES
 from tests.wire.ports import free_port
 
 ZENOH = str(Path(sys.executable).with_name("zenoh"))
-KEY = topics.GNSS_FIX.at(topics.Place("demo", "train", "T1"), device="front")
+KEY = topics.GNSS_FIX.at(Place("demo", "train", "T1"), device="front")
 FIX = EXAMPLES[Fix]
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from schemas import topics
 from schemas.codec import encode
 from schemas.position import TrainTruth
-from schemas.topics import Place
+from schemas.topic import Place
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.node import Sample
 

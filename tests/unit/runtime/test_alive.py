@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from schemas.topics import Place
+from schemas.topic import Place
 from services.runtime.alive import AliveChange, AliveTable, Token, token_of, tokens_anywhere, tokens_of
 from services.runtime.key_expression import intersects
 

@@ -13,7 +13,8 @@ from schemas.codec import MAX_MESSAGE_BYTES, encode
 from schemas.gnss import Fix
 from schemas.message import Message
 from schemas.position import TrainTruth
-from schemas.topics import TABLE, Place
+from schemas.topic import Place
+from schemas.topics import TABLE
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import ManualClock
 from services.runtime.health import HealthBoard

@@ -11,7 +11,7 @@ from schemas import topics
 from schemas.health import ServiceEvent
 from schemas.message import Message
 from schemas.position import TrainTruth
-from schemas.topics import Place
+from schemas.topic import Place, Topic
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import DeadlockError, ManualLoop, manual_loop, run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
@@ -35,7 +35,7 @@ def truth(t_ns: int) -> TrainTruth:
 
 
 def service(
-    name: str, reads: tuple[topics.Topic[Message], ...] = (), writes: tuple[topics.Topic[Message], ...] = ()
+    name: str, reads: tuple[Topic[Message], ...] = (), writes: tuple[Topic[Message], ...] = ()
 ) -> Service[NoConfig]:
     return Service(name, NoConfig, reads, writes, _idle, "a test's service")
 
@@ -114,7 +114,7 @@ def test_full_inbox_counts_what_it_pushes_out() -> None:
 
 def test_garbage_newer_and_huge_messages_are_counted() -> None:
     async def main() -> tuple[int, int, tuple[str, ...]]:
-        from schemas.topics import Delivery  # noqa: PLC0415 - used here alone
+        from schemas.topic import Delivery  # noqa: PLC0415 - used here alone
         from services.runtime.node import Sample  # noqa: PLC0415 - used here alone
 
         clock = ManualClock(asyncio.get_running_loop())

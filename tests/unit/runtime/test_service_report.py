@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from schemas.codec import encode
 from schemas.health import Health, ServiceEvent
 from schemas.position import TrainTruth
-from schemas.topics import HEALTH, SERVICE_EVENT, TRAIN_TRUTH, Place
+from schemas.topic import Place
+from schemas.topics import HEALTH, SERVICE_EVENT, TRAIN_TRUTH
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import run_manual

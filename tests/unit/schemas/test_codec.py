@@ -28,13 +28,14 @@ from schemas.codec import (
     json_schema,
 )
 from schemas.gnss import Epoch, Fix
+from schemas.topic import Topic
 from tests.unit.schemas.examples import EXAMPLES
 
 OLD_BYTES = Path(__file__).parent / "old_bytes"
 
 
 @pytest.mark.parametrize("topic", topics.ALL, ids=lambda topic: topic.name)
-def test_every_message_survives_msgpack_and_json(topic: topics.Topic) -> None:  # type: ignore[type-arg]  # any
+def test_every_message_survives_msgpack_and_json(topic: Topic) -> None:  # type: ignore[type-arg]  # any
     message = EXAMPLES[topic.message]
     again = decode(topic.message, encode(message))
     assert encode(again) == encode(message)
@@ -51,7 +52,7 @@ def without_new_fields(now: Any, kept: Any) -> Any:  # noqa: ANN401 - JSON
 
 
 @pytest.mark.parametrize("topic", topics.ALL, ids=lambda topic: topic.name)
-def test_bytes_written_by_earlier_versions_still_decode(topic: topics.Topic) -> None:  # type: ignore[type-arg]  # any
+def test_bytes_written_by_earlier_versions_still_decode(topic: Topic) -> None:  # type: ignore[type-arg]  # any
     files = sorted(OLD_BYTES.glob(f"{topic.schema_name}.*.msgpack"))
     assert files, f"no kept bytes for {topic.schema_name}: write them with `python -m tests.unit.schemas.examples`"
     for file in files:
@@ -61,7 +62,7 @@ def test_bytes_written_by_earlier_versions_still_decode(topic: topics.Topic) -> 
 
 
 @pytest.mark.parametrize("topic", topics.ALL, ids=lambda topic: topic.name)
-def test_schema_describes_every_field(topic: topics.Topic) -> None:  # type: ignore[type-arg]  # any
+def test_schema_describes_every_field(topic: Topic) -> None:  # type: ignore[type-arg]  # any
     schema = json_schema(topic.message)
     properties = schema["$defs"][topic.message.__name__]["properties"]
     assert set(properties) == set(topic.message.__struct_fields__)

@@ -8,13 +8,14 @@ from hypothesis import strategies as st
 
 from schemas import topics
 from schemas.position import TrainTruth
-from schemas.topics import Delivery, Place, Topic, TopicError, TopicTable, topic_named, topic_of
+from schemas.topic import Delivery, Place, Topic, TopicError, TopicTable
+from schemas.topics import topic_named, topic_of
 from services.runtime.key_expression import intersects
 
 NAMES = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.@+-]{0,20}", fullmatch=True)
 
 
-def place_for(topic: topics.Topic[object], line: str, name: str) -> Place:  # type: ignore[type-var]  # any topic
+def place_for(topic: Topic[object], line: str, name: str) -> Place:  # type: ignore[type-var]  # any topic
     kind = topic.template.split("/", 1)[0]
     return Place(line, "cloud" if kind == "{kind}" else kind, name)  # type: ignore[arg-type]  # a kind by its template
 
