@@ -75,3 +75,22 @@ def test_walk_in_shanghai(tmp_path: Path, config: Config, mean_m: float, p95_m: 
     off = np.hypot(*(error - error.mean(axis=0)).T)
     assert off.mean() <= mean_m
     assert np.percentile(off, 95) <= p95_m
+
+
+def test_streams_alone_give_what_rinex_gives(tmp_path: Path) -> None:
+    """Rover and base as RTCM 3; the base's stream names no day. RINEX rounds to 1 mm, ephemerides to twelve digits."""
+    # Without BeiDou: only the streams have B2a, and a further signal changes the mean.
+    config = Config(method="original", systems="GEJ")
+    streams = Base(WALK / "base.rtcm3", WALK_BASE_DEG)
+    rover = WALK / "rover.rtcm3"
+    by_rinex = solved(WALK, config, tmp_path / "rinex.csv", WALK_BASE_DEG)
+    by_streams = solve_file(rover, [rover], config, tmp_path / "rtcm3.csv", base=streams)
+    assert (by_streams.epochs, by_streams.fixes, by_streams.corrected) == (
+        by_rinex.epochs,
+        by_rinex.fixes,
+        by_rinex.corrected,
+    )
+    tracks = [read_fixes(tmp_path / f"{name}.csv", name) for name in ("rinex", "rtcm3")]
+    places = [enu_about(WALK_BASE_DEG, one.lat_deg, one.lon_deg, one.h_m)[one.fixed] for one in tracks]
+    # Errors of 1 mm in pseudoranges grow with the dilution of precision, up to 30.
+    assert np.abs(places[0] - places[1]).max() <= 0.03
