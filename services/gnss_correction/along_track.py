@@ -9,7 +9,7 @@ import numpy as np
 
 from services.gnss_correction.evaluation import FixTrack, Polyline, inside_truth
 from services.gnss_correction.solver_arrays import Float64s
-from services.line.axis import axis_of
+from services.line.line_file import LineGeometry
 from services.line.projection import follow
 
 NEAR_M: Final = 100.0
@@ -32,14 +32,14 @@ class AlongError:
     """Epochs whose error is larger than their bound, or that have no bound."""
 
 
-def true_chainage_m(t_s: Float64s, truth: Polyline, line: Polyline) -> Float64s:
+def true_chainage_m(t_s: Float64s, truth: Polyline, line: LineGeometry) -> Float64s:
     """Chainage of the truth at instants, interpolated linearly; where the line passes itself it goes on as it came."""
-    axis = axis_of(line.lat_deg, line.lon_deg, line.h_m)
+    axis = line.axis
     true_m = axis.to_plane(truth.lat_deg, truth.lon_deg, truth.h_m)
     places = np.stack([np.interp(t_s, truth.at, true_m[:, k]) for k in range(2)], axis=-1)
     reach_m = NEAR_M + FASTEST_MPS * np.clip(np.diff(t_s, prepend=t_s[:1]), 0.0, 10.0)
     feet = follow(axis, places, reach_m, 0.0 if _starts_at_start(places, axis.plane_m) else np.nan)
-    return np.interp(feet[:, 0], axis.axis_m, line.at[axis.vertex])
+    return line.chainage.at(feet[:, 0])
 
 
 def _starts_at_start(places: Float64s, plane_m: Float64s) -> bool:
@@ -47,7 +47,7 @@ def _starts_at_start(places: Float64s, plane_m: Float64s) -> bool:
     return bool(np.hypot(*(places[0] - plane_m[0])) < NEAR_M / 2.0)
 
 
-def along_error(track: FixTrack, truth: Polyline, line: Polyline) -> AlongError | None:
+def along_error(track: FixTrack, truth: Polyline, line: LineGeometry) -> AlongError | None:
     """Error of a track's chainages; None where it has none inside the truth."""
     if track.chainage_m is None:
         return None

@@ -256,7 +256,7 @@ def evaluate_fixes(
     fixes: Annotated[list[Path], typer.Option("--fixes", help="fixes.csv; several are set side by side.")],
     truth: Annotated[Path | None, typer.Option("--truth", help="truth.csv with which to compare.")] = None,
     centreline: Annotated[
-        Path | None, typer.Option("--centreline", help="CSV polyline of the line with which to compare.")
+        Path | None, typer.Option("--centreline", help="Line file or CSV polyline with which to compare.")
     ] = None,
     stations: Annotated[
         Path | None, typer.Option("--stations", help="CSV of stations for the plot: name, lat_deg, lon_deg.")
@@ -288,18 +288,20 @@ def evaluate_fixes(
             return
         from services.gnss_correction import fixes_file
         from services.gnss_correction.along_track import along_error
-        from services.gnss_correction.evaluation import evaluate
+        from services.gnss_correction.evaluation import centreline_of, evaluate
+        from services.line.line_file import read_line
 
         tracks: list[FixTrack] = [fixes_file.read_fixes(path, name) for name, path in _named(fixes)]
         truth_line = fixes_file.read_truth(truth) if truth else None
-        line = fixes_file.read_centreline(centreline) if centreline else None
+        geometry = read_line(centreline) if centreline else None
+        line = centreline_of(geometry) if geometry else None
         stops = fixes_file.read_stations(stations) if stations else []
         evaluations = [evaluate(track, truth_line, line) for track in tracks]
         if plot is not None:
             from services.gnss_correction.track_plot import save_tracks
 
             save_tracks(plot, tracks, line, truth_line, stops)
-        along = [along_error(track, truth_line, line) if truth_line and line else None for track in tracks]
+        along = [along_error(track, truth_line, geometry) if truth_line and geometry else None for track in tracks]
         _print(evaluations, along, with_line=line is not None, with_truth=truth_line is not None, as_json=as_json)
 
 

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.numerics.geodesy import enu_about
+from services.line.line_file import LineGeometry
+from services.numerics.geodesy import enu_about, geodetic_from_ecef
 
 Float64s = NDArray[np.float64]
 
@@ -53,6 +54,12 @@ class Polyline:
     def reference_deg(self) -> tuple[float, float, float]:
         """Latitude, longitude [deg] and height [m] of the first point."""
         return float(self.lat_deg[0]), float(self.lon_deg[0]), float(self.h_m[0])
+
+
+def centreline_of(line: LineGeometry) -> Polyline:
+    """Vertices of a line's axis with their chainages."""
+    lat_rad, lon_rad, h_m = geodetic_from_ecef(*line.axis.ecef_m.T)
+    return Polyline(np.degrees(lat_rad), np.degrees(lon_rad), h_m, line.chainage.at(line.axis.axis_m))
 
 
 @dataclass(frozen=True, slots=True)

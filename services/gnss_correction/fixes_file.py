@@ -203,12 +203,6 @@ def read_truth(path: Path) -> Polyline:
     return _path(path, rows, t_s)
 
 
-def read_centreline(path: Path) -> Polyline:
-    """Polyline of a line: chainage_m, lat_deg, lon_deg, h_ell_m. Raises TableError, OSError."""
-    rows = _rows(path, ("chainage_m", "lat_deg", "lon_deg", "h_ell_m"))
-    return _path(path, rows, [_figure(path, line, row, "chainage_m") for line, row in enumerate(rows, 2)])
-
-
 def _path(path: Path, rows: Sequence[dict[str, str]], at: Sequence[float]) -> Polyline:
     if len(rows) < 2:  # noqa: PLR2004 - a path has two ends
         raise TableError(path, 0, "holds a single point")

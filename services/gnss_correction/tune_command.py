@@ -43,7 +43,9 @@ def tune(
         bool, typer.Option("--sweep", help="Also set thresholds of 0.3 to 0.8 m against accuracy and fixation rate.")
     ] = False,
     truth: Annotated[Path | None, typer.Option("--truth", help="truth.csv for the sweep.")] = None,
-    centreline: Annotated[Path | None, typer.Option("--centreline", help="CSV polyline of the line, for it.")] = None,
+    centreline: Annotated[
+        Path | None, typer.Option("--centreline", help="Line file or CSV polyline of the line, for it.")
+    ] = None,
     config: Annotated[
         Path | None, typer.Option("--config", help="TOML file whose [gnss_correction] table holds settings.")
     ] = None,
@@ -61,11 +63,13 @@ def tune(
             raise command.UsageError(msg)
         settings = command.configured(config, {"method": "original", "compare": [], "thresholds_file": ""})
         from services.gnss_correction import tune_file
-        from services.gnss_correction.fixes_file import read_centreline, read_truth
+        from services.gnss_correction.evaluation import centreline_of
+        from services.gnss_correction.fixes_file import read_truth
         from services.gnss_correction.threshold_sweep import sweep_table
+        from services.line.line_file import read_line
 
         truth_line = read_truth(truth) if truth else None
-        line = read_centreline(centreline) if centreline else None
+        line = centreline_of(read_line(centreline)) if centreline else None
         recording = tune_file.read_recording(rover, nav)
         found = tune_file.tune(recording, settings, out, receiver=receiver or rover.stem, false_alarms=false_alarms)
         rows = []

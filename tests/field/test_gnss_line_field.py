@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from services.gnss_correction.along_track import AlongError, along_error
-from services.gnss_correction.fixes_file import read_centreline, read_fixes, read_truth
+from services.gnss_correction.fixes_file import read_fixes, read_truth
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solve_file import Solved, solve_file
 from services.line.line_file import read_line
@@ -36,7 +36,7 @@ def solve(folder: Path, nav: list[Path], out: Path, *, wheel: Path | None = None
     config = Config(method="line", line_file=str(line or folder / "track_centreline.csv"), compare=())
     solved = solve_file(folder / "rover.obs", nav, config, out, wheel=wheel)
     track = read_fixes(out, "line")
-    error = along_error(track, read_truth(folder / "truth.csv"), read_centreline(folder / "track_centreline.csv"))
+    error = along_error(track, read_truth(folder / "truth.csv"), read_line(folder / "track_centreline.csv"))
     assert error is not None
     statuses = {row.split(",")[2] for row in out.read_text("utf-8").splitlines()[1:]}
     return Run(solved, error, statuses, out.read_bytes())

@@ -12,7 +12,6 @@ from schemas.gnss import Fix, SatelliteVerdict, Verdicts
 from services.gnss_correction.fixes_file import (
     FixesWriter,
     TableError,
-    read_centreline,
     read_fixes,
     read_stations,
     read_truth,
@@ -134,12 +133,10 @@ def test_a_file_that_is_no_text_is_said(tmp_path: Path) -> None:
         read_truth(path)
 
 
-def test_truth_line_and_stations_are_read(tmp_path: Path) -> None:
-    truth, line, stations = (tmp_path / name for name in ("truth.csv", "line.csv", "stations.csv"))
+def test_truth_and_stations_are_read(tmp_path: Path) -> None:
+    truth, stations = (tmp_path / name for name in ("truth.csv", "stations.csv"))
     truth.write_text("\ufeff" + TRUTH, "utf-8")
-    line.write_text("chainage_m,lat_deg,lon_deg,h_ell_m\n0,35.0,135.0,40\n120.5,35.1,135.0,41\n")
     stations.write_text("name,lat_deg,lon_deg\n大手町,35.05,135.0\n", "utf-8")
     assert read_truth(truth).at.tolist() == [2300 * 604_800 + 1.0, 2300 * 604_800 + 2.0]
     assert read_truth(truth).reference_deg == (35.0, 135.0, 40.0)
-    assert read_centreline(line).at.tolist() == [0.0, 120.5]
     assert read_stations(stations) == [("大手町", 35.05, 135.0)]
