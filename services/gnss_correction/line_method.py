@@ -8,9 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from services.gnss_correction.antenna_height import raised
 from services.gnss_correction.atmosphere import L1_HZ
 from services.gnss_correction.line_estimate import LineEstimate
 from services.gnss_correction.line_filter import NOWHERE, LineFilter
+from services.gnss_correction.line_passages import undecided
 from services.gnss_correction.rejection import Outcome
 from services.gnss_correction.solver_arrays import ROW, RULES, SOLUTION, Bools, Float64s, Ints, Records
 from services.gnss_correction.wheel_speed import WheelSpeeds
@@ -43,6 +45,8 @@ class Line:
 
     geometry: LineGeometry
     wheels: WheelSpeeds | None = None
+    antenna_above_m: float = 0.0
+    """Height of the antenna above the rail, whose height is the line's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +71,8 @@ class LineMethod:
     def __init__(self, line: Line) -> None:
         """Know nothing yet but the line."""
         self._line = line
-        self._filter = LineFilter(line.geometry.axis)
+        self._axis = raised(line.geometry.axis, line.antenna_above_m)
+        self._filter = LineFilter(self._axis)
         self._newest_s = -math.inf
 
     def solve(self, given: LineInput, rules: Any) -> tuple[Records, list[str]]:  # noqa: ANN401 - numpy record
@@ -82,13 +87,14 @@ class LineMethod:
         for i in np.flatnonzero(~given.refused).tolist():
             gps_s = float(given.gps_s[i])
             if gps_s <= self._newest_s:
-                self._filter = LineFilter(self._line.geometry.axis)
+                self._filter = LineFilter(self._axis)
             self._newest_s = gps_s
             wheels = self._line.wheels
             wheel_mps = wheels.at(gps_s) if wheels else math.nan
             rows = given.rows[given.first_row[i] : given.first_row[i + 1]]
             estimate = self._filter.epoch(gps_s, float(given.t_s[i]), rows, rules, places[i], wheel_mps)
-            reasons[i] = estimate.reason
+            undecided_now = undecided(self._axis, estimate.axis_m, estimate.bound_m)
+            reasons[i] = "; ".join(part for part in (estimate.reason, undecided_now) if part)
             self._fill(solutions[i], estimate)
         return solutions, reasons
 
@@ -99,7 +105,7 @@ class LineMethod:
         solution["used"], solution["needed"] = estimate.used, 0
         if estimate.status == "none":
             return
-        axis, chainage = self._line.geometry.axis, self._line.geometry.chainage
+        axis, chainage = self._axis, self._line.geometry.chainage
         point, tangent = axis.at(estimate.axis_m), axis.tangent(estimate.axis_m)
         lat_rad, lon_rad, h_m = geodetic_from_ecef(*point)
         solution["lat_rad"], solution["lon_rad"], solution["h_m"] = lat_rad, lon_rad, h_m

@@ -92,7 +92,8 @@ async def run(node: Node, config: Config) -> None:
     corrected = node.arrivals(GNSS_CORRECTION, anywhere=True)
     line = None
     if config.line_file:
-        line = Line(await node.in_thread(lambda: read_line(Path(config.line_file))))
+        geometry = await node.in_thread(lambda: read_line(Path(config.line_file)))
+        line = Line(geometry, antenna_above_m=config.antenna_above_line_m)
     await node.in_thread(lambda: _warm_up(config, line))
     thresholds = None
     if config.thresholds_file:

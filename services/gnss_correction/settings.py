@@ -25,6 +25,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     line_file: str = ""
     """Line file (JSON) or CSV polyline of the line on which the train runs: for `line`, and for the chainage of fixes
     by every other method."""
+    antenna_above_line_m: Annotated[float, Meta(ge=-10.0, le=20.0)] = 0.0
+    """Height of the antenna above the line's heights, which are the rail's, for the method `line`."""
     compare: tuple[Method, ...] = ("original", "remove")
     """Other methods whose fixes are published beside it."""
     systems: Annotated[str, Meta(pattern="^[GRECJ]{1,5}$")] = "GRECJ"

@@ -96,7 +96,8 @@ def _line(config: Config, wheel: Path | None, observations: Observations) -> Lin
     if not config.line_file:
         return None
     first_s = float(observations.gps_week[0] * WEEK_S + observations.tow_s[0])
-    return Line(read_line(Path(config.line_file)), read_wheel(wheel, first_s) if wheel is not None else None)
+    wheels = read_wheel(wheel, first_s) if wheel is not None else None
+    return Line(read_line(Path(config.line_file)), wheels, config.antenna_above_line_m)
 
 
 def _informed(config: Config, navigation: Navigation, line: Line | None) -> Correction:
