@@ -11,7 +11,7 @@ from services.numerics.geodesy import geodetic_from_ecef
 
 
 def raised(axis: Axis, above_m: float) -> Axis:
-    """The same axis with its points lifted by `above_m` along the ellipsoid's normal; lengths stay those of the rail."""
+    """Axis with its points lifted by `above_m` along the normal of the ellipsoid; lengths stay those of the rail."""
     if above_m == 0.0:
         return axis
     lat_rad, lon_rad, _ = geodetic_from_ecef(*axis.ecef_m.T)
