@@ -1,4 +1,4 @@
-"""GNSS files: reading RINEX beside georinex, single-point positions beside rnx2rtkp.
+"""GNSS files: reading RINEX beside georinex, streams beside pyrtcm and pyubx2, positions beside rnx2rtkp.
 
 Rounds alternate between the two sides and medians are compared. Kirotei is timed inside a
 running process that has done the same once before (kernels compiled), and as a whole command;
@@ -24,6 +24,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.bus import machine
+from benchmarks.comparison import Result, alternate, seconds, table
+from benchmarks.gnss_streams import measure_streams
 from schemas.codec import encode
 from schemas.gnss import Method
 from services.gnss_correction.fix_messages import fixes_of
@@ -58,20 +60,6 @@ class Log:
     navigation: tuple[Path, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
-    """One comparison. `ratio` is ours over the peer's rate; None where the peer is not installed or too slow."""
-
-    case: str
-    log: str
-    unit: str
-    ours: float
-    peer: str
-    theirs: float | None
-    ratio: float | None
-    note: str = ""
-
-
 def logs(folder: Path) -> list[Log]:
     """What can be measured here; a simulated run is written into `folder`."""
     field = os.environ.get("KIROTEI_FIELD_DATA")
@@ -85,13 +73,6 @@ def logs(folder: Path) -> list[Log]:
         ]
     write_simulation(read_scenario("street_canyon"), folder)
     return [Log("simulated 5 Hz (RINEX 3.04)", folder / "rover.obs", (folder / "nav.rnx",))]
-
-
-def seconds(work: Callable[[], object]) -> float:
-    """How long `work` takes [s]."""
-    started = time.perf_counter()
-    work()
-    return time.perf_counter() - started
 
 
 def georinex_s(log: Log) -> float:
@@ -164,18 +145,6 @@ def command_s(log: Log) -> float:
         return seconds(lambda: subprocess.run(command, check=True, capture_output=True, timeout=PEER_LIMIT_S))
 
 
-def alternate(rounds: int, ours: Callable[[], float], theirs: Callable[[], float] | None) -> tuple[float, float | None]:
-    """Medians of both sides [s], measured in turn. The first of ours is not counted."""
-    ours()
-    mine: list[float] = []
-    peers: list[float] = []
-    for _ in range(rounds):
-        mine.append(ours())
-        if theirs is not None and not any(s != s for s in peers):  # noqa: PLR0124 - NaN: the peer was too slow once
-            peers.append(theirs())
-    return statistics.median(mine), (statistics.median(peers) if theirs else None)
-
-
 def measure(log: Log, rounds: int) -> list[Result]:
     """Every comparison on one log."""
     size_mb = log.rover.stat().st_size / 1e6
@@ -221,21 +190,12 @@ def measure(log: Log, rounds: int) -> list[Result]:
     return results
 
 
-def table(results: list[Result]) -> str:
-    """The comparisons as text."""
-    lines = [f"{'':34}{'log':30}{'Kirotei':>12}{'peer':>12}  ratio"]
-    for result in results:
-        theirs = "-" if result.theirs is None else f"{result.theirs:,.1f}"
-        ratio = result.note if result.ratio is None else f"x {result.ratio:.1f} ({result.peer})"
-        lines.append(f"{result.case:34}{result.log:30}{result.ours:12,.1f}{theirs:>12}  {ratio}  [{result.unit}]")
-    return "\n".join(lines)
-
-
 def run(*, json: bool = False, rounds: int = ROUNDS) -> list[Result]:
     """Measure, print the table (or JSON) and give the results."""
     about = machine()
     with tempfile.TemporaryDirectory() as folder:
         results = [result for log in logs(Path(folder)) for result in measure(log, rounds)]
+        results += measure_streams(Path(folder), rounds)
     if json:
         found = {"machine": about, "results": [asdict(result) for result in results]}
         sys.stdout.write(json_text.dumps(found, indent=2) + "\n")

@@ -15,7 +15,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.bus import machine
-from benchmarks.gnss import logs, seconds
+from benchmarks.comparison import seconds
+from benchmarks.gnss import logs
 from schemas.gnss_time import unix_ns_from_gps
 from schemas.topic import Place
 from services.gnss_receiver.rinex_observation_file import read_observations

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.bus import machine
-from benchmarks.gnss import seconds
+from benchmarks.comparison import seconds
 
 ROUNDS = 5
 KIROTEI = str(Path(sys.executable).with_name("kirotei"))
