@@ -16,6 +16,9 @@ from schemas.message import Message, require_columns
 
 Metres = Annotated[float, Meta(ge=0.0)]
 MotionStatus = Literal["valid", "degraded", "lost"]
+WarningKind = Literal[
+    "gap", "saturated", "frozen", "axes", "stuck", "missing_teeth", "reset", "late", "scale", "restart", "noise"
+]
 OdometryMethod = Literal["wheel", "paper", "fused"]
 
 
@@ -141,8 +144,6 @@ class MotionWarning(Message, frozen=True, kw_only=True):
     """Something wrong with a motion sensor or its mounting, found or gone."""
 
     device: str
-    kind: Literal[
-        "gap", "saturated", "frozen", "axes", "stuck", "missing_teeth", "reset", "late", "scale", "restart", "noise"
-    ]
+    kind: WarningKind
     active: bool
     reason: str
