@@ -55,10 +55,12 @@ class Curve(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Gradient(msgspec.Struct, frozen=True, kw_only=True):
-    """Gradient from a place on, up to the next one."""
+    """Gradient from a place on, up to the next one: rise over the length in plan."""
 
     axis_m: Place
     permille: Annotated[float, Meta(ge=-150.0, le=150.0)]
+    vertical_radius_m: Annotated[float, Meta(ge=0.0)] = 3000.0
+    """Of the vertical curve that rounds the change to this gradient, half of it on either side; 0: a kink."""
 
 
 class SpeedLimit(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,6 +1,7 @@
-"""Reads lines: the JSON line file (schemas/line.py), or a CSV polyline (chainage_m, lat_deg, lon_deg, h_ell_m).
+"""Reads lines: the JSON line file (schemas/line.py), a CSV polyline (chainage_m, lat_deg, lon_deg, h_ell_m), or a name.
 
-In a CSV polyline two rows at one place are a broken chain: the chainage jumps there.
+In a CSV polyline two rows at one place are a broken chain: the chainage jumps there. Where no file of that
+name is found, `demo` is the line that comes with Kirotei.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from schemas.line import Line
+from schemas.line import ChainagePoint, Line
 from services.line.axis import Axis, AxisError, axis_of
+from services.line.built_in_file import built_in_line, built_in_names
 from services.line.chainage import Chainage, ChainageError, chainage_of
+from services.line.route import axis_through, branch_axis, branch_chainage, main_chainage
 
 COLUMNS: Final = ("chainage_m", "lat_deg", "lon_deg", "h_ell_m")
+LONGEST_ID: Final = 64
 LARGEST_BYTES: Final = 256_000_000
 """A vertex per metre of a long line has some 50 MB."""
 
@@ -42,41 +46,63 @@ class LineGeometry:
     chainage: Chainage
 
 
+@dataclass(frozen=True, slots=True)
+class LoadedLine:
+    """A line with the geometry of its main line."""
+
+    line: Line
+    geometry: LineGeometry
+
+
 def read_line(path: Path) -> LineGeometry:
-    """Read a line file or a CSV polyline, told apart by their first character. Raises LineFileError, OSError."""
+    """Geometry of the main line; for the rest see `load_line`."""
+    return load_line(path).geometry
+
+
+def load_line(path: Path) -> LoadedLine:
+    """Read a line file or a CSV polyline, told apart by their first character, or a line that comes with Kirotei.
+
+    Of a CSV polyline the line has axis and kilometrage alone. Raises LineFileError, OSError.
+    """
+    if not path.exists() and str(path) in built_in_names():
+        return _checked(path, built_in_line(str(path)))
+    if path.is_dir():
+        raise LineFileError(path, "", "a folder, not a line file")
     if path.stat().st_size > LARGEST_BYTES:
         raise LineFileError(path, "", f"larger than {LARGEST_BYTES // 1_000_000} MB")
     try:
         text = path.read_text("utf-8-sig")
     except UnicodeDecodeError as error:
         raise LineFileError(path, "", f"not a text file (byte {error.start})") from error
-    return _from_json(path, text) if text.lstrip()[:1] in ("{", "[") else _from_csv(path, text)
-
-
-def _from_json(path: Path, text: str) -> LineGeometry:
+    if text.lstrip()[:1] not in ("{", "["):
+        return _from_csv(path, text)
     try:
-        line = msgspec.json.decode(text, type=Line)
+        return _checked(path, msgspec.json.decode(text, type=Line))
     except msgspec.DecodeError as error:
         raise LineFileError(path, "", str(error)) from error
+
+
+def _checked(path: Path, line: Line) -> LoadedLine:
+    """With its geometry; refused where an axis or a kilometrage is none, on the main line or on a branch."""
     try:
-        axis = axis_of(
-            [vertex[1] for vertex in line.axis],
-            [vertex[0] for vertex in line.axis],
-            [vertex[2] for vertex in line.axis],
-        )
+        axis = axis_through(line.axis)
+        chainage = main_chainage(line, axis)
     except AxisError as error:
         raise LineFileError(path, f"$.axis[{error.vertex}]", error.text) from error
-    if not line.chainage:
-        ends = np.array([0.0, axis.length_m])
-        return LineGeometry(line.id, line.name, axis, Chainage(ends, ends))
-    try:
-        chainage = chainage_of([one.axis_m for one in line.chainage], [one.chainage_m for one in line.chainage])
     except ChainageError as error:
         raise LineFileError(path, f"$.chainage[{error.place}]", error.text) from error
-    return LineGeometry(line.id, line.name, axis, chainage)
+    for number, branch in enumerate(line.branches):
+        try:
+            branch_axis(axis, branch)
+            branch_chainage(line, axis, branch)
+        except AxisError as error:
+            raise LineFileError(path, f"$.branches[{number}].axis[{error.vertex}]", error.text) from error
+        except ChainageError as error:
+            raise LineFileError(path, f"$.branches[{number}].chainage", error.text) from error
+    return LoadedLine(line, LineGeometry(line.id, line.name, axis, chainage))
 
 
-def _from_csv(path: Path, text: str) -> LineGeometry:
+def _from_csv(path: Path, text: str) -> LoadedLine:
     rows = _figures(path, text)
     chainage, lat, lon, height = np.array(rows).T
     try:
@@ -86,7 +112,16 @@ def _from_csv(path: Path, text: str) -> LineGeometry:
         raise LineFileError(path, str(error.vertex + 2), error.text) from error
     except ChainageError as error:
         raise LineFileError(path, "", f"chainage, {error}") from error
-    return LineGeometry(path.stem, path.stem, axis, given)
+    line = Line(
+        id=path.stem[:LONGEST_ID] or "line",
+        name=path.stem,
+        axis=tuple((float(lon[k]), float(lat[k]), float(height[k])) for k in axis.vertex),
+        chainage=tuple(
+            ChainagePoint(axis_m=float(place), chainage_m=float(one))
+            for place, one in zip(given.axis_m, given.chainage_m, strict=True)
+        ),
+    )
+    return LoadedLine(line, LineGeometry(path.stem, path.stem, axis, given))
 
 
 def _figures(path: Path, text: str) -> list[tuple[float, ...]]:
