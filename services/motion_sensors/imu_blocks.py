@@ -59,7 +59,7 @@ class ImuBlocks:
         before = self.times.samples
         time_s = self.times.stamp(arrived_s, sample.counter, sample.device_s)
         missing = self.times.samples - before > 1
-        whole = bool(self._held) and (missing or time_s - self._held[0][0] >= self.block_s)
+        whole = bool(self._held) and (missing or time_s - self._held[0][0] >= self.block_s - 0.5 / self.config.rate_hz)
         block = self._block(arrived_s) if whole else None
         if not self._held:
             self._first = self.times.samples - 1

@@ -33,6 +33,8 @@ class TachoBlocks:
     _held: list[tuple[float, int]] = field(default_factory=list)
     _window: list[tuple[float, int]] = field(default_factory=list)
     _first: int = 0
+    _last_s: float = 0.0
+    _counted_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Begin before the first reading."""
@@ -52,10 +54,17 @@ class TachoBlocks:
     def take(self, raw: int, arrived_s: float, device_s: float | None = None) -> TachoBlock | None:
         """Message that a reading completes, if it does."""
         time_s = self.times.stamp(arrived_s, None, device_s)
-        block = self._block() if self._held and time_s - self._held[0][0] >= self.block_s - 1e-6 else None
+        block = (
+            self._block()
+            if self._held and time_s - self._held[0][0] >= self.block_s - 0.5 / self.config.rate_hz
+            else None
+        )
         if not self._held:
             self._first = self.times.samples - 1
-        pulses = self.counter.read(-raw if self.config.backwards else raw, time_s)
+        # Readings that came in one burst were still taken a period apart.
+        self._counted_s += max(time_s - self._last_s, 1.0 / self.config.rate_hz)
+        self._last_s = time_s
+        pulses = self.counter.read(-raw if self.config.backwards else raw, self._counted_s)
         self._held.append((time_s, pulses))
         self._window.append((time_s, pulses))
         while time_s - self._window[0][0] > _WINDOW_S:
