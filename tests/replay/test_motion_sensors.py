@@ -111,7 +111,7 @@ def imu_rows(count: int, gz: float | None = None) -> bytes:
 def test_both_sensors_are_published_and_a_broken_line_is_said() -> None:
     config = Config(imu=ImuInput(tcp=TCP), axles=(AxleInput(tcp=TCP, vehicle="conventional"),))
     counts = "".join(f"{0.1 * k:.1f} {6 * k}\n" for k in range(20)).encode()
-    messages, node = play(config, imu=ScriptedLine(imu_rows(95)), axle1=ScriptedLine(counts[:50], counts[50:]))
+    messages, node = play(config, imu=ScriptedLine(imu_rows(95)), axle1=ScriptedLine(counts))
     blocks = [one for one in messages if isinstance(one, ImuBlock)]
     assert sum(len(one.ax_mps2) for one in blocks) == 90
     tachos = [one for one in messages if isinstance(one, TachoBlock)]
