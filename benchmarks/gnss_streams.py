@@ -1,7 +1,7 @@
 """Receivers' streams: epochs and ephemerides out of RTCM 3 and UBX, beside pyrtcm and pyubx2.
 
 The peers frame, check and name the fields of every message; Kirotei does, and makes epochs of them besides.
-Both read the same bytes out of memory. pyrtcm and pyubx2 come with Kirotei.
+Both read the same bytes out of memory; the last message may be cut. pyrtcm and pyubx2 come with Kirotei.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ class Stream:
 
 def read_by_pyrtcm(content: bytes) -> int:
     """Number of messages that pyrtcm reads."""
-    return sum(message is not None for _, message in RTCMReader(BytesIO(content)))
+    return sum(message is not None for _, message in RTCMReader(BytesIO(content), quitonerror=0))
 
 
 def read_by_pyubx2(content: bytes) -> int:
     """Number of messages that pyubx2 reads."""
-    return sum(message is not None for _, message in UBXReader(BytesIO(content)))
+    return sum(message is not None for _, message in UBXReader(BytesIO(content), quitonerror=0))
 
 
 def read_by_kirotei(stream: Stream) -> int:

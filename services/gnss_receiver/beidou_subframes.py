@@ -15,10 +15,10 @@ from services.gnss_receiver.broadcast_elements import kepler_ephemeris, referenc
 
 WORDS: Final = 10
 _PREAMBLE: Final = 0b11100010010
-_BDT_FIRST_WEEK: Final = 1356
-_BEHIND_S: Final = 14
+BDT_FIRST_WEEK: Final = 1356
+BDT_BEHIND_S: Final = 14
 _SUBFRAME_S: Final = 6
-_TGD_S: Final = 1e-10
+TGD_S: Final = 1e-10
 _GENERATOR: Final = 0b10011
 _CODE_BITS, _CHECK_BITS = 15, 4
 _TOE_LOW_BITS: Final = 15
@@ -90,14 +90,14 @@ class BeidouCollector:
             named |= figures
         named["toe"] = 8.0 * (int(named["toe_high"]) << _TOE_LOW_BITS | int(named["toe_low"]))
         parts.clear()
-        week = reference_week(int(named["week"]) + _BDT_FIRST_WEEK, named["toe"], near_s - _BEHIND_S)
+        week = reference_week(int(named["week"]) + BDT_FIRST_WEEK, named["toe"], near_s - BDT_BEHIND_S)
         return kepler_ephemeris("C", number, week, named["toc"], named)
 
 
 def _read_1(reader: BitReader) -> Figures:
     health, clock_issue, accuracy = reader.uint(1), reader.uint(5), ura_m(reader.uint(4))
     week, toc_s = reader.uint(13), reader.uint(17) * 8.0
-    delays = {"delay_a": reader.sint(10) * _TGD_S, "delay_b": reader.sint(10) * _TGD_S}
+    delays = {"delay_a": reader.sint(10) * TGD_S, "delay_b": reader.sint(10) * TGD_S}
     reader.uint(64)
     clock = {"af2": reader.sint(11) * 2.0**-66, "af0": reader.sint(24) * 2.0**-33, "af1": reader.sint(22) * 2.0**-50}
     figures: Figures = {"health": health, "fit_or_clock_issue": clock_issue, "accuracy": accuracy, "week": week}

@@ -34,6 +34,9 @@ GALILEO_INAV: Final = 517.0
 """Data sources E1-B and E5b-I, clock for E5b and E1 (RINEX 3.05, table A8)."""
 GALILEO_FNAV: Final = 258.0
 """Data source E5a-I, clock for E5a and E1."""
+GST_FIRST_WEEK: Final = 1024
+"""GPS week of Galileo's week 0, whose weeks count modulo GST_WEEKS (Galileo OS SIS ICD 2.1, 5.1.2)."""
+GST_WEEKS: Final = 4096
 _EPOCH = datetime(1980, 1, 6)  # noqa: DTZ001 - the scale is the satellite system's own
 _DAY_S: Final = 86_400
 _URA_M: Final = (2.0, 2.8, 4.0, 5.7, 8.0, 11.3, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0)

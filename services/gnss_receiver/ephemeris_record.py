@@ -216,6 +216,10 @@ def _fit_half_s(record: NavigationRecord) -> float:
 
 def _glonass(record: NavigationRecord, week: int, tb_s: float) -> Ephemeris:
     """GLONASS ephemeris; `tb_s` of `week` is UTC counted as if it were GPS time."""
+    if tb_s % _TB_S:
+        # Receivers that write GPS time for UTC have come into merged files so; the orbit would be 60 km off.
+        msg = f"GLONASS has no reference time {tb_s % _TB_S:g} s behind a quarter of an hour"
+        raise ValueError(msg)
     ahead_s = leap_seconds(week * WEEK_S + tb_s + GPS_EPOCH_UNIX_S)
     weeks, toe_s = divmod(tb_s + ahead_s, WEEK_S)
     sent_s = _sent(_optional(record, 2), WEEK_S if record.times_within_week else _DAY_S, tb_s)

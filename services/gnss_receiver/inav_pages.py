@@ -13,7 +13,15 @@ from typing import Final
 from schemas.gnss import Ephemeris
 from schemas.gnss_time import WEEK_S
 from services.gnss_receiver.bit_fields import BitReader
-from services.gnss_receiver.broadcast_elements import GALILEO_INAV, full_week, kepler_ephemeris, reference_week, sisa_m
+from services.gnss_receiver.broadcast_elements import (
+    GALILEO_INAV,
+    GST_FIRST_WEEK,
+    GST_WEEKS,
+    full_week,
+    kepler_ephemeris,
+    reference_week,
+    sisa_m,
+)
 from services.gnss_receiver.crc24q import crc24q_of_bits
 
 WORDS: Final = 8
@@ -21,8 +29,6 @@ WORDS: Final = 8
 _EVEN_BITS, _ODD_BITS, _CHECK_BITS = 114, 82, 24
 _PART_BITS: Final = 128
 _EVEN_DATA, _ODD_DATA = 112, 16
-_GST_FIRST_WEEK: Final = 1024
-_GST_WEEKS: Final = 4096
 _PARTS: Final = (1, 2, 3, 4)
 _LAST: Final = 5
 
@@ -101,7 +107,7 @@ class InavCollector:
         now = int(named["issue"]), named | lasting
         if now == parts.given:
             return None
-        week = full_week(int(parts.last["week"]) + _GST_FIRST_WEEK, _GST_WEEKS, int(near_s // WEEK_S))
+        week = full_week(int(parts.last["week"]) + GST_FIRST_WEEK, GST_WEEKS, int(near_s // WEEK_S))
         week = reference_week(week, named["toe"], near_s)
         ephemeris = kepler_ephemeris("E", number, week, named["toc"], named | parts.last)
         parts.given = now

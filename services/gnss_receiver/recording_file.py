@@ -19,8 +19,22 @@ from services.gnss_receiver.stream_frames import Framer
 _CHUNK: Final = 4096
 _TASTED: Final = 65_536
 _FEWEST_FRAMES: Final = 2
-_NO_FAULT: Final = ("bytes", "epochs", "own_positions", "ephemerides_repeated", "repeated_messages")
-_NO_FAULT_BEGINNINGS: Final = ("not_read_", "rtcm3_frames", "ubx_frames", "nmea_frames", "positions_twice")
+_NO_FAULT: Final = (
+    "bytes",
+    "epochs",
+    "own_positions",
+    "ephemerides_repeated",
+    "repeated_messages",
+    "fnav_left_out",
+)
+_NO_FAULT_BEGINNINGS: Final = (
+    "not_read_",
+    "unsupported_",
+    "rtcm3_frames",
+    "ubx_frames",
+    "nmea_frames",
+    "positions_twice",
+)
 
 
 class UndatedError(RinexError):

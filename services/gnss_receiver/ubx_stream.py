@@ -15,7 +15,9 @@ from pyubx2.exceptions import UBXMessageError, UBXTypeError
 
 from schemas.gnss import Ephemeris, FixStatus, Ionosphere, OwnMode, OwnPosition
 from schemas.gnss_time import GPS_EPOCH_UNIX_S, NS, WEEK_S, leap_seconds
+from services.gnss_receiver.beidou_geo_subframes import BeidouGeoCollector
 from services.gnss_receiver.beidou_subframes import BeidouCollector
+from services.gnss_receiver.fnav_pages import FnavCollector
 from services.gnss_receiver.glonass_strings import GlonassCollector
 from services.gnss_receiver.heard import Heard
 from services.gnss_receiver.inav_pages import InavCollector
@@ -29,12 +31,22 @@ _SFRBX_HEAD: Final = 8
 _CHANNEL_ZERO: Final = 7
 _LAST_GEO, _SECOND_GEO = 5, 59
 """Up to the first and from the second number on BeiDou is geostationary and sends D2 (BDS-SIS-ICD-B1I, table 4-1)."""
-_LNAV, _D1, _STRINGS = frozenset({0}), frozenset({0, 2, 4}), frozenset({0, 2})
-_INAV: Final = frozenset({1, 5})
+_LNAV, _D1, _D2, _STRINGS = frozenset({0}), frozenset({0, 2, 4}), frozenset({1, 3, 10}), frozenset({0, 2})
+_INAV, _FNAV = frozenset({1, 5}), frozenset({3})
 """Signals (u-blox's numbers) that carry the messages that are read."""
 _AGES_S: Final = (None, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0)
 """Longest age that an index of NAV-PVT stands for."""
-_MESSAGE_NAMES: Final = {"G": "CNAV", "E": "FNAV", "C": "D2_or_CNAV", "J": "CNAV_or_L1S", "R": "other", "S": "SBAS"}
+_UNSUPPORTED: Final = {
+    "G": {3: "CNAV", 4: "CNAV", 6: "CNAV", 7: "CNAV"},
+    "E": {8: "CNAV", 9: "CNAV", 10: "CNAV"},
+    "C": dict.fromkeys((0, 2, 4), "D1_of_GEO")
+    | dict.fromkeys((1, 3, 10), "D2_of_no_GEO")
+    | {5: "CNAV1", 6: "CNAV1", 7: "CNAV2", 8: "CNAV2"},
+    "J": {1: "L1S", 4: "CNAV", 5: "CNAV", 8: "CNAV", 9: "CNAV", 12: "LNAV_of_L1CB"},
+    "S": {0: "SBAS"},
+    "I": {0: "NavIC"},
+}
+"""Broadcast messages that are not decoded, by system and signal."""
 
 
 class UbxStream:
@@ -48,7 +60,10 @@ class UbxStream:
         self._measurements = RawMeasurements(counts)
         self._lnav = {system: LnavCollector(system) for system in "GJ"}
         self._inav = InavCollector()
+        self._fnav = FnavCollector()
+        self._with_inav: set[int] = set()
         self._beidou = BeidouCollector()
+        self._beidou_geo = BeidouGeoCollector()
         self._glonass = GlonassCollector()
         self._given: dict[str, Ephemeris] = {}
 
@@ -88,24 +103,40 @@ class UbxStream:
                 found = self._lnav[system].add(number, words, self._near_s)
             case "E" if signal in _INAV:
                 found = self._inav.add(number, words, self._near_s)
+                self._with_inav |= {number} if found is not None else set()
+            case "E" if signal in _FNAV:
+                found = self._fnav_of(number, words)
             case "C" if signal in _D1 and _LAST_GEO < number < _SECOND_GEO:
                 found = self._beidou.add(number, words, self._near_s)
+            case "C" if signal in _D2 and not _LAST_GEO < number < _SECOND_GEO:
+                found = self._beidou_geo.add(number, words, self._near_s)
             case "R" if signal in _STRINGS:
                 found = self._glonass.add(number, channel - _CHANNEL_ZERO, words, self._near_s)
             case _:
-                self._counts[f"not_read_ubx_RXM-SFRBX_{system}_{_MESSAGE_NAMES.get(system, 'unknown')}"] += 1
+                name = _UNSUPPORTED.get(system, {}).get(signal, f"signal_{signal}")
+                self._counts[f"unsupported_ubx_{system}_{name}"] += 1
         return [] if found is None else self._fresh(found)
+
+    def _fnav_of(self, number: int, words: list[int]) -> Ephemeris | None:
+        """Ephemeris of F/NAV, whose clock is meant for E5a: only of satellites that have given none of I/NAV."""
+        found = self._fnav.add(number, words, self._near_s)
+        if found is not None and number in self._with_inav:
+            self._counts["fnav_left_out"] += 1
+            return None
+        return found
 
     def _fresh(self, found: Ephemeris | Ionosphere) -> list[Heard]:
         """What was found, unless it says what has been said: satellites repeat themselves."""
         if isinstance(found, Ionosphere):
             return [found]
         given = self._given.get(found.satellite)
-        if given is not None and (given.gps_week, given.toe_s, given.issue, given.healthy) == (
+        # The same orbit with another clock is Galileo's other message.
+        if given is not None and (given.gps_week, given.toe_s, given.issue, given.healthy, given.clock_bias_s) == (
             found.gps_week,
             found.toe_s,
             found.issue,
             found.healthy,
+            found.clock_bias_s,
         ):
             self._counts["ephemerides_repeated"] += 1
             return []
