@@ -1,0 +1,131 @@
+"""The paper's method at work on samples in any cut (Iwata et al.: A Train Position Detection System Using Inertial
+Sensors Together with Tachometer Generators, RTRI Report)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from services.odometry_fusion.curvature import WINDOW_TICKS, curvature_rows
+from services.odometry_fusion.motion_log import (
+    PERIOD_S,
+    Counts,
+    Episode,
+    Floats,
+    MotionLog,
+    MotionRows,
+    SixAxes,
+    Vehicle,
+)
+from services.odometry_fusion.paper_layout import (
+    EVENT,
+    HISTORY,
+    MOST_TRACKS,
+    OUT,
+    REASONS,
+    SMOOTHED,
+    STATE,
+    TRACK,
+    rules_of,
+)
+from services.odometry_fusion.paper_settings import PaperSettings
+from services.odometry_fusion.paper_step import run_ticks
+from services.odometry_fusion.tick_layout import TICK, Records
+from services.odometry_fusion.ticks import TickMaker
+
+PHASES = ("began", "ended", "not_found")
+
+
+class PaperOdometry:
+    """Wheel while it adheres, inertial sensor from a start point to re-adhesion while it slips."""
+
+    def __init__(self, vehicle: Vehicle, settings: PaperSettings) -> None:
+        """Begin at the first count."""
+        self._rules = rules_of(settings, vehicle)
+        self._share = settings.share
+        self._ticks = TickMaker(vehicle)
+        self._state = np.zeros(1, STATE)
+        self._state["since_rest_s"] = settings.bias_hold_s
+        self._state["ended_ns"] = np.iinfo(np.int64).min
+        self._tracks = np.zeros(MOST_TRACKS, TRACK)
+        self._past = np.empty(0, TICK)
+        self._past_smoothed = np.empty(0, SMOOTHED)
+        self._past_turns = np.empty((0, 3))
+        self._delay_s = 0.0
+
+    def advance(self, until_s: float, imu_t_s: Floats, imu: SixAxes, tacho_t_s: Floats, pulses: Counts) -> MotionRows:
+        """Rows due until `until_s`, see `OdometryStep`."""
+        new = self._ticks.advance(until_s, imu_t_s, imu, tacho_t_s, pulses)
+        first = len(self._past)
+        ticks = np.concatenate([self._past, new])
+        smoothed = np.concatenate([self._past_smoothed, np.zeros(len(new), SMOOTHED)])
+        out = np.zeros(len(new), OUT)
+        events = np.zeros(2 * len(new) + 1, EVENT)
+        count = run_ticks(ticks, smoothed, first, self._rules, self._state, self._tracks, out, events)
+        rows = self._rows(new, out, self._episodes(new, events[:count]))
+        kept = max(0, len(ticks) - HISTORY)
+        self._past, self._past_smoothed = ticks[kept:], smoothed[kept:]
+        return rows
+
+    def _rows(self, new: Records, out: Records, episodes: tuple[Episode, ...]) -> MotionRows:
+        curvature = self._curvature(out)
+        bound_m = self._share * out["run_m"] + out["excess_m"] + out["provisional_m"]
+        return MotionRows(
+            t_s=new["t_ns"] / 1e9,
+            distance_m=out["distance_m"].copy(),
+            way_m=out["run_m"].copy(),
+            speed_mps=out["speed_mps"].copy(),
+            speed_bound_mps=out["speed_bound_mps"].copy(),
+            acceleration_mps2=out["acceleration_mps2"].copy(),
+            slip=out["slip"].astype(np.int8),
+            standstill=out["standstill"].astype(np.bool_),
+            bound_m=bound_m,
+            excess_m=out["excess_m"].copy(),
+            provisional_m=out["provisional_m"].copy(),
+            status=out["status"].astype(np.int8),
+            reason=out["reason"].astype(np.int16),
+            curvature_per_m=curvature[:, 0],
+            curvature_sigma_per_m=curvature[:, 1],
+            curvature_distance_m=curvature[:, 2],
+            gradient_permille=out["gradient_permille"].copy(),
+            wheel_scale=np.full(len(out), np.nan),
+            gyro_bias_radps=out["gyro_bias_radps"].copy(),
+            since_standstill_s=out["since_rest_s"].copy(),
+            share_bound=self._share,
+            sensor_delay_s=self._delay_s,
+            reasons=REASONS,
+            episodes=episodes,
+        )
+
+    def _curvature(self, out: Records) -> Floats:
+        usable = (out["slip"] == 0) & (out["status"] == 0)
+        turns = np.concatenate(
+            [self._past_turns, np.column_stack([out["yaw_radps"], out["distance_m"], usable.astype(np.float64)])]
+        )
+        found = np.empty((len(out), 3))
+        columns = [np.ascontiguousarray(turns[:, k]) for k in range(3)]
+        curvature_rows(columns[0], columns[1], columns[2], len(self._past_turns), found)
+        self._past_turns = turns[-WINDOW_TICKS - 1 :]
+        return found
+
+    def _episodes(self, new: Records, events: Records) -> tuple[Episode, ...]:
+        return tuple(
+            Episode(
+                t_s=float(new["t_ns"][event["row"]]) / 1e9,
+                number=int(event["episode"]),
+                phase=PHASES[int(event["phase"])],  # type: ignore[arg-type]  # the codes are those words
+                slip=1 if event["slip"] > 0 else -1,
+                start_t_s=float(event["start_ns"]) / 1e9,
+                correction_s=float(event["correction_s"]),
+                corrected_m=float(event["corrected_m"]) if event["phase"] == 1 else None,
+                bound_m=float(event["bound_m"]),
+                stop_demanded=bool(event["phase"] == 2),
+                reason="",
+            )
+            for event in events
+        )
+
+
+def run_paper(log: MotionLog, settings: PaperSettings) -> MotionRows:
+    """Odometry of a whole log."""
+    step = PaperOdometry(log.vehicle, settings)
+    return step.advance(log.end_s + 0.5 * PERIOD_S * 0.0, log.imu_t_s, log.imu, log.tacho_t_s, log.pulses)

@@ -1,0 +1,36 @@
+"""Standstill, and the gyros' biases that show in it (Iwata et al., section 3.1.4: sensors are reset at station stops)."""
+
+from __future__ import annotations
+
+from services.numerics.kernel import kernel
+from services.odometry_fusion.motion_log import PERIOD_S
+from services.odometry_fusion.tick_layout import Records
+
+REST_TICKS = 20
+"""The wheel has not turned for so long."""
+MOST_RATE_RADPS = 0.02
+"""A vehicle at rest turns less, biases included."""
+LONGEST_MEAN_S = 20.0
+
+
+@kernel
+def watch_rest(ticks: Records, at: int, state: Records) -> bool:
+    """Whether the train stands; takes in biases while it does.
+
+    The wheel alone cannot tell standing from sliding with locked wheels; this is only asked while it adheres.
+    """
+    now, tick = state[0], ticks[at]
+    still = at > 0 and tick.way_m == ticks[at - 1].way_m and tick.tacho_missing_s <= 0.0
+    steady = max(abs(tick.gx_radps), abs(tick.gy_radps), abs(tick.gz_radps)) < MOST_RATE_RADPS
+    now.rest_ticks = now.rest_ticks + 1 if still and steady else 0
+    if now.rest_ticks < REST_TICKS or tick.imu_missing_s > 0.3:  # noqa: PLR2004 - as long as samples are bridged
+        now.rest_s = 0.0
+        now.since_rest_s += PERIOD_S
+        return now.rest_ticks >= REST_TICKS
+    now.rest_s = min(now.rest_s + PERIOD_S, LONGEST_MEAN_S)
+    share = PERIOD_S / now.rest_s
+    now.roll_bias_radps += share * (tick.gx_radps - now.roll_bias_radps)
+    now.pitch_bias_radps += share * (-tick.gy_radps - now.pitch_bias_radps)
+    now.yaw_bias_radps += share * (tick.gz_radps - now.yaw_bias_radps)
+    now.since_rest_s = 0.0
+    return True

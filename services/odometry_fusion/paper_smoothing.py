@@ -1,0 +1,48 @@
+"""Moving averages of both sensors over one window (Iwata et al., section 4.1: 3 s), and their changes.
+
+The paper's rates: roll positive right side down, pitch positive nose up, yaw positive to the left. With x forward,
+y left, z up, right-handed, that is gx, -gy, gz.
+"""
+
+from __future__ import annotations
+
+from services.numerics.kernel import kernel
+from services.odometry_fusion.motion_log import PERIOD_S
+from services.odometry_fusion.tick_layout import Records
+
+LONGEST_HOLD_S = 0.3
+"""Missing samples are bridged so long by the last ones."""
+
+
+@kernel
+def smooth(ticks: Records, at: int, window: int, out: Records) -> None:
+    """Means of the inertial sensor over `window` ticks up to `at`; way, speed and acceleration of the wheel alike.
+
+    Ap is the change of speed over the window, which is the mean of the acceleration in it.
+    """
+    now = out[at]
+    now.ready = 0
+    if at < window + 1:
+        return
+    ax = ay = az = gx = gy = gz = way = 0.0
+    ready = 1
+    for k in range(at - window + 1, at + 1):
+        tick = ticks[k]
+        ax += tick.ax_mps2
+        ay += tick.ay_mps2
+        az += tick.az_mps2
+        gx += tick.gx_radps
+        gy += tick.gy_radps
+        gz += tick.gz_radps
+        way += 0.5 * (tick.aligned_m + ticks[k - 1].aligned_m)
+        if tick.imu_missing_s > LONGEST_HOLD_S:
+            ready = 0
+    now.ax_mps2, now.ay_mps2, now.az_mps2 = ax / window, ay / window, az / window
+    now.roll_radps, now.pitch_radps, now.yaw_radps = gx / window, -gy / window, gz / window
+    now.way_m = way / window
+    now.speed_mps = (ticks[at].aligned_m - ticks[at - window].aligned_m) / (window * PERIOD_S)
+    before = (ticks[at - 1].aligned_m - ticks[at - 1 - window].aligned_m) / (window * PERIOD_S)
+    now.wheel_mps2 = (now.speed_mps - before) / PERIOD_S
+    now.jerk_imu = now.ax_mps2 - out[at - 1].ax_mps2
+    now.jerk_wheel = now.wheel_mps2 - out[at - 1].wheel_mps2
+    now.ready = ready

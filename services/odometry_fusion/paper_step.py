@@ -1,0 +1,243 @@
+"""One tick of the paper's method after the other: wheel while it adheres, inertial sensor while it slips."""
+
+from __future__ import annotations
+
+import math
+
+from services.numerics.kernel import kernel
+from services.odometry_fusion.motion_log import DEGRADED, LOST, PERIOD_S, VALID
+from services.odometry_fusion.paper_detection import accelerations_differ
+from services.odometry_fusion.paper_episode import (
+    BEGAN,
+    ENDED,
+    NOT_FOUND as NOT_FOUND_PHASE,
+    begin_episode,
+    end_episode,
+    give_up,
+    is_overdue,
+    overrun,
+    resume_wheel,
+    step_episode,
+)
+from services.odometry_fusion.paper_error import distance_error, gyro_error
+from services.odometry_fusion.paper_layout import (
+    ADHERING,
+    CORRECTING,
+    NO_IMU,
+    NO_PULSES,
+    NO_SENSOR,
+    NOT_FOUND,
+    OVERDUE,
+    WAS_NOT_FOUND,
+)
+from services.odometry_fusion.paper_rest import watch_rest
+from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, smooth
+from services.odometry_fusion.paper_track import present
+from services.odometry_fusion.tick_layout import Records
+
+LONGEST_SILENCE_S = 0.5
+"""The wheel's last speed is held for so long after its last count."""
+HARDEST_MPS2 = 1.4
+"""No train speeds up or brakes harder in service."""
+SLIP_MPS2 = 0.7
+"""An unseen slip grows about so fast, up to"""
+SLIP_M = 20.0
+"""what a slip costs at worst in nine of ten cases."""
+LATEST_JERK_MPS3 = 1.0
+"""By so much the acceleration may change while the sensor's latency passes."""
+
+
+@kernel
+def run_ticks(
+    ticks: Records,
+    smoothed: Records,
+    first: int,
+    rules: Records,
+    state: Records,
+    tracks: Records,
+    out: Records,
+    events: Records,
+) -> int:
+    """Rows for ticks from `first` on, earlier ones being history; gives the number of events."""
+    count = 0
+    for at in range(first, len(ticks)):
+        smooth(ticks, at, rules[0].window, smoothed)
+        count = _step(ticks, smoothed, at, at - first, rules, state, tracks, out, events, count)
+    return count
+
+
+@kernel
+def _note(
+    events: Records, count: int, row: int, phase: int, state: Records, tracks: Records, corrected_m: float, m: float
+) -> int:
+    """One event more, where there is room for it."""
+    if count < len(events):
+        event, now = events[count], state[0]
+        event.row, event.phase, event.episode, event.slip = row, phase, now.episode, now.slip
+        event.start_ns, event.correction_s = tracks[0].start_ns, tracks[0].t_s
+        event.corrected_m, event.bound_m = corrected_m, m
+    return min(count + 1, len(events))
+
+
+@kernel
+def _step(
+    ticks: Records,
+    smoothed: Records,
+    at: int,
+    row: int,
+    rules: Records,
+    state: Records,
+    tracks: Records,
+    out: Records,
+    events: Records,
+    count: int,
+) -> int:
+    now, tick, rule = state[0], ticks[at], rules[0]
+    no_imu = tick.imu_missing_s > LONGEST_HOLD_S
+    no_pulses = tick.tacho_missing_s > LONGEST_SILENCE_S
+    now.excess_m += tick.doubt_m
+    stands = False
+    if now.mode == ADHERING:
+        stands = watch_rest(ticks, at, state)
+        if stands:
+            now.distrusted = 0
+        _watch_gap(tick.way_m, no_imu, state)
+        now.forced = 1 if no_pulses else 0
+        slips = smoothed[at].ready != 0 and accelerations_differ(
+            smoothed[at].ax_mps2, smoothed[at].wheel_mps2, rule.detection_mps2
+        )
+        if (slips or no_pulses) and not no_imu and begin_episode(ticks, smoothed, at, rules, state, tracks):
+            m = distance_error(rules, tracks[0].t_s, now.since_rest_s)
+            count = _note(events, count, row, BEGAN, state, tracks, 0.0, m)
+    else:
+        count = _correct(ticks, smoothed, at, row, rules, state, tracks, events, count, no_imu)
+    _write(ticks, smoothed, at, rules, state, tracks, out, row, stands, no_imu, no_pulses)
+    return count
+
+
+@kernel
+def _correct(
+    ticks: Records,
+    smoothed: Records,
+    at: int,
+    row: int,
+    rules: Records,
+    state: Records,
+    tracks: Records,
+    events: Records,
+    count: int,
+    no_imu: bool,
+) -> int:
+    """One tick within an episode."""
+    now = state[0]
+    now.since_rest_s += PERIOD_S
+    former_m, slip = now.start_offset_m, now.slip
+    chosen = step_episode(ticks, smoothed, at, rules, state, tracks)
+    phase, bound_m = ENDED, -1.0
+    if no_imu:
+        bound_m = give_up(ticks, at, state, tracks, rules)
+        phase = NOT_FOUND_PHASE
+    elif chosen >= 0:
+        if chosen > 0:
+            tracks[0] = tracks[chosen]
+        bound_m = end_episode(ticks, smoothed, at, 0, rules, state, tracks)
+    elif is_overdue(rules, state, tracks):
+        overrun(state)
+        m = distance_error(rules, tracks[0].t_s, now.since_rest_s)
+        count = _note(events, count, row, NOT_FOUND_PHASE, state, tracks, math.nan, m)
+    elif now.mode == OVERDUE:
+        bound_m = resume_wheel(ticks, smoothed, at, rules, state, tracks)
+    if bound_m >= 0.0:
+        now.excess_m += bound_m
+        count = _note(events, count, row, phase, state, tracks, now.offset_m - former_m, bound_m)
+        if count > 0:
+            events[count - 1].slip = slip
+    return count
+
+
+@kernel
+def _watch_gap(way_m: float, no_imu: bool, state: Records) -> None:
+    """Keep count of time and way without the inertial sensor; what a slip may have cost then stays for good."""
+    now = state[0]
+    if no_imu:
+        if now.gap_s == 0.0:
+            now.gap_way_m = way_m
+        now.gap_s += PERIOD_S
+    elif now.gap_s > 0.0:
+        now.excess_m += _unseen(now.gap_s, abs(way_m - now.gap_way_m))
+        now.gap_s = 0.0
+
+
+@kernel
+def _unseen(gap_s: float, way_m: float) -> float:
+    """What slips that nobody saw may have cost: one grows from nothing; more of them, the longer the way."""
+    return min(0.5 * SLIP_MPS2 * gap_s * gap_s, SLIP_M + 0.03 * way_m)
+
+
+@kernel
+def _write(
+    ticks: Records,
+    smoothed: Records,
+    at: int,
+    rules: Records,
+    state: Records,
+    tracks: Records,
+    out: Records,
+    row: int,
+    stands: bool,
+    no_imu: bool,
+    no_pulses: bool,
+) -> None:
+    """The row: distance and speed at the tick itself, whatever the sensors' delays."""
+    now, tick, rule, own = state[0], ticks[at], rules[0], out[row]
+    error_mps = rule.share * abs(tick.wheel_speed_mps) + 0.3
+    provisional_m = rule.undetected_m
+    if now.mode == ADHERING:
+        own.distance_m, own.speed_mps = tick.way_m + now.offset_m, tick.wheel_speed_mps
+        own.acceleration_mps2 = smoothed[at].wheel_mps2 if smoothed[at].ready else math.nan
+        own.gradient_permille = math.nan
+        if smoothed[at].ready:
+            own.gradient_permille = 1e3 / 9.80665 * (smoothed[at].ax_mps2 - smoothed[at].wheel_mps2)
+        if now.gap_s > 0.0:
+            provisional_m += _unseen(now.gap_s, abs(tick.way_m - now.gap_way_m))
+            error_mps += SLIP_MPS2 * min(now.gap_s, 10.0)
+        if no_pulses:
+            silent_s = tick.tacho_missing_s
+            provisional_m += 0.5 * HARDEST_MPS2 * silent_s * silent_s
+            error_mps += HARDEST_MPS2 * silent_s
+    else:
+        lead_s = rule.latency_s
+        distance_m, speed_mps, latest_mps2 = present(tracks[0:1], ticks, at, rule.window)
+        own.distance_m = distance_m + speed_mps * lead_s + 0.5 * latest_mps2 * lead_s * lead_s
+        own.speed_mps, own.acceleration_mps2 = speed_mps + latest_mps2 * lead_s, latest_mps2
+        own.gradient_permille = 1e3 * math.sin(tracks[0].pitch_rad)
+        provisional_m += distance_error(rules, tracks[0].t_s, now.since_rest_s) + LATEST_JERK_MPS3 * lead_s**3
+        error_mps = 0.3 + 2.0 * distance_error(rules, tracks[0].t_s, now.since_rest_s) / max(tracks[0].t_s, 1.0)
+    if stands:
+        own.speed_mps, error_mps = 0.0, 0.05
+    # The published way never turns back within the resolution of one row: it is the sum of |steps|.
+    now.run_m += abs(own.distance_m - now.last_m)
+    now.last_m = own.distance_m
+    own.run_m, own.speed_bound_mps = now.run_m, error_mps
+    own.excess_m, own.provisional_m = now.excess_m, provisional_m
+    own.slip = 0 if now.mode == ADHERING else now.slip
+    own.standstill = 1 if stands else 0
+    own.gyro_bias_radps = now.pitch_bias_radps
+    own.since_rest_s = now.since_rest_s
+    own.yaw_radps = tick.gz_radps - now.yaw_bias_radps
+    own.status, own.reason = _status(now.mode, now.distrusted, no_imu, no_pulses)
+
+
+@kernel
+def _status(mode: int, distrusted: int, no_imu: bool, no_pulses: bool) -> tuple[int, int]:
+    if no_imu and no_pulses:
+        return LOST, NO_SENSOR
+    if mode == OVERDUE:
+        return DEGRADED, NOT_FOUND
+    if no_pulses:
+        return DEGRADED, NO_PULSES
+    if no_imu:
+        return DEGRADED, NO_IMU
+    if distrusted:
+        return DEGRADED, WAS_NOT_FOUND
+    return VALID, 0
