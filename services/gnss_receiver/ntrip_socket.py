@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import ssl
 import time
 from collections.abc import Callable
 
@@ -12,6 +11,7 @@ from services.gnss_receiver.ntrip_protocol import ChunkDecoder, NtripError, answ
 from services.gnss_receiver.password_file import read_password
 from services.gnss_receiver.reception import NtripSource
 from services.gnss_receiver.tcp_socket import receive
+from services.gnss_receiver.tls_socket import secured
 
 REPORT_S = 10.0
 """Interval at which the position is reported."""
@@ -51,13 +51,7 @@ class NtripConnection:
 
     def _connected(self) -> socket.socket:
         plain = socket.create_connection((self._source.host, self._source.port), OPEN_S)
-        if not self._source.tls:
-            return plain
-        try:
-            return ssl.create_default_context().wrap_socket(plain, server_hostname=self._source.host)
-        except OSError:
-            plain.close()
-            raise
+        return secured(plain, self._source.host, self._source.authority_file) if self._source.tls else plain
 
     def _ask(self, connection: socket.socket) -> None:
         source = self._source

@@ -37,6 +37,9 @@ class NtripSource(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     mountpoint: Annotated[str, Meta(pattern=r"^[^\s/][^\s]*$")]
     version: Annotated[int, Meta(ge=1, le=2)] = 2
     tls: bool = False
+    """Whether the caster speaks TLS; its certificate must then name `host`."""
+    authority_file: str = ""
+    """PEM file with the certificate of the authority that signed the caster's; empty for those the system knows."""
     user: str = ""
     password_file: str = ""
     """File that holds the password; nothing else may be in it."""
