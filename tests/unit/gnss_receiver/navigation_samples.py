@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from schemas.gnss import Ephemeris, KeplerOrbit
+from schemas.gnss_time import unix_ns_from_gps
 from tests.unit.gnss_receiver.samples import header_line
 
 # A GPS satellite: toe 86400 s of week 1900, sent 83310 s.
@@ -66,3 +68,39 @@ def changed(figures: Figures, row: int, column: int, value: float | None) -> Fig
     copy = [list(line) for line in figures]
     copy[row][column] = value
     return copy
+
+
+MIDNIGHT = "2016 06 06 00 00 00"
+"""Monday, 86400 s of GPS week 1900."""
+EXPECTED_GPS = Ephemeris(
+    t_ns=unix_ns_from_gps(1900, 83310.0),
+    satellite="G01",
+    gps_week=1900,
+    toe_s=86400.0,
+    toc_s=86400.0,
+    clock_bias_s=2.27009877562e-05,
+    clock_drift=1.25055521494e-12,
+    clock_drift_rate_per_s=0.0,
+    group_delay_s=5.12227416039e-09,
+    issue=24,
+    healthy=True,
+    accuracy_m=2.0,
+    fit_interval_s=7200.0,
+    orbit=KeplerOrbit(
+        sqrt_a=5153.64817619,
+        eccentricity=5.53706113715e-03,
+        m0_rad=2.37002107609,
+        delta_n_radps=4.43732768965e-09,
+        omega0_rad=-2.40868609163,
+        omega_dot_radps=-7.76853787650e-09,
+        omega_rad=0.466179717411,
+        i0_rad=0.964506218435,
+        i_dot_radps=6.22525930704e-10,
+        cuc_rad=9.12696123123e-08,
+        cus_rad=1.08145177364e-05,
+        crc_m=173.8125,
+        crs_m=2.125,
+        cic_rad=-1.75088644028e-07,
+        cis_rad=-8.00937414169e-08,
+    ),
+)
