@@ -1,0 +1,219 @@
+"""Other people's motion recordings read, and motion logs written.
+
+comma2k19: a segment's folder (processed_log/CAN/wheel_speed, processed_log/IMU, global_pose), axes forward,
+right, down. Tables: one CSV for the inertial sensor, one for pulses or speed, columns named by the user.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import duckdb
+import numpy as np
+from numpy.typing import NDArray
+
+from services.motion_sensors.imu_sample import STANDARD_GRAVITY_MPS2
+
+Floats = NDArray[np.float64]
+
+WHEEL_M: Final = 0.6
+PULSES: Final = 10_000.0
+"""Of the counter that is made of a measured speed: fine enough to add nothing to it."""
+UNITS: Final = {
+    "g": STANDARD_GRAVITY_MPS2,
+    "mps2": 1.0,
+    "dps": float(np.radians(1.0)),
+    "radps": 1.0,
+    "kmh": 1 / 3.6,
+    "mps": 1.0,
+}
+
+
+class ImportFileError(ValueError):
+    """A recording that cannot be read; names the file and what is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A run as motion logs hold it (vehicle axes, seconds from its start)."""
+
+    imu_t_s: Floats
+    imu: NDArray[np.float64]
+    tacho_t_s: Floats
+    pulses: NDArray[np.int64]
+    pulses_per_revolution: float
+    wheel_diameter_m: float
+    truth: tuple[Floats, Floats, Floats] | None = None
+    """Time, distance and speed, where the recording knows better than its wheels."""
+
+
+def read_comma2k19(segment: Path) -> Recording:
+    """A segment of comma2k19. Raises ImportFileError, OSError."""
+    log, pose = segment / "processed_log", segment / "global_pose"
+    force_t, force = _array(log / "IMU/accelerometer/t"), _array(log / "IMU/accelerometer/value")
+    rate_t, rate = _array(log / "IMU/gyro/t"), _array(log / "IMU/gyro/value")
+    wheel_t, wheel = _array(log / "CAN/wheel_speed/t"), _array(log / "CAN/wheel_speed/value")
+    truth_t, velocity = _array(pose / "frame_times"), _array(pose / "frame_velocities")
+    zero = float(min(force_t[0], wheel_t[0], truth_t[0]))
+    if len(rate_t) == len(force_t):
+        rates = rate
+    else:
+        rates = np.stack([np.interp(force_t, rate_t, rate[:, k]) for k in range(3)], axis=1)
+    signs = np.array([1.0, -1.0, -1.0])
+    speed = np.linalg.norm(velocity, axis=1)
+    tacho_t, pulses = pulses_of_speed(wheel_t - zero, wheel.mean(axis=1))
+    return Recording(
+        *_rising(force_t - zero, np.concatenate([force * signs, rates * signs], axis=1)),
+        tacho_t,
+        pulses,
+        PULSES,
+        WHEEL_M,
+        (truth_t - zero, _integral(truth_t, speed), speed),
+    )
+
+
+def read_tables(
+    imu_path: Path,
+    imu_columns: dict[str, str],
+    tacho_path: Path,
+    tacho_columns: dict[str, str],
+    rotation: NDArray[np.float64],
+    *,
+    time_scale: float = 1.0,
+    force_unit: str = "mps2",
+    rate_unit: str = "radps",
+    speed_unit: str = "mps",
+    pulses_per_revolution: float = PULSES,
+    wheel_diameter_m: float = WHEEL_M,
+) -> Recording:
+    """Two CSV tables. Column names by `t`, `ax` … `gz`, and `t` with `pulses` or `speed`. Raises ImportFileError."""
+    imu = _columns(imu_path, imu_columns, ("t", "ax", "ay", "az", "gx", "gy", "gz"))
+    named = "pulses" if "pulses" in tacho_columns else "speed"
+    tacho = _columns(tacho_path, tacho_columns, ("t", named))
+    zero = min(float(imu[0, 0]), float(tacho[0, 0]))
+    forces = imu[:, 1:4] * UNITS[force_unit] @ rotation.T
+    rates = imu[:, 4:7] * UNITS[rate_unit] @ rotation.T
+    imu_t, six = _rising((imu[:, 0] - zero) * time_scale, np.concatenate([forces, rates], axis=1))
+    tacho_t = (tacho[:, 0] - zero) * time_scale
+    if named == "speed":
+        counted_t, pulses = pulses_of_speed(tacho_t, tacho[:, 1] * UNITS[speed_unit])
+        return Recording(imu_t, six, counted_t, pulses, PULSES, WHEEL_M)
+    counted_t, counts = _rising(tacho_t, tacho[:, 1:])
+    return Recording(
+        imu_t, six, counted_t, np.rint(counts[:, 0]).astype(np.int64), pulses_per_revolution, wheel_diameter_m
+    )
+
+
+def pulses_of_speed(t_s: Floats, speed_mps: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Cumulative pulses of a wheel of WHEEL_M with PULSES, whose speed was measured; times that rise."""
+    times, speeds = _rising(t_s, speed_mps[:, None])
+    return times, np.rint(_integral(times, speeds[:, 0]) * PULSES / (np.pi * WHEEL_M)).astype(np.int64)
+
+
+def write_motion_log(folder: Path, run: Recording, latency_s: float, max_gradient_permille: float) -> None:
+    """Write a motion log beside `folder`, then put it there; an existing folder is not touched. Raises OSError."""
+    if folder.exists():
+        msg = f"{folder} is there already: remove it, or name another"
+        raise FileExistsError(msg)
+    beside = folder.with_name(f"{folder.name}.part")
+    shutil.rmtree(beside, ignore_errors=True)
+    beside.mkdir(parents=True)
+    try:
+        about = {
+            "pulses_per_revolution": run.pulses_per_revolution,
+            "wheel_diameter_m": run.wheel_diameter_m,
+            "imu_latency_s": latency_s,
+            "max_gradient_permille": max_gradient_permille,
+        }
+        axes = 'axes = "x forward, y left, z up; right-handed; accelerometers give specific force"\n'
+        text = axes + "".join(f"{name} = {value!r}\n" for name, value in about.items())
+        (beside / "motion.toml").write_text(text, "utf-8")
+        names = ("ax_mps2", "ay_mps2", "az_mps2", "gx_radps", "gy_radps", "gz_radps")
+        _write(beside / "imu.parquet", {"t_s": run.imu_t_s} | dict(zip(names, run.imu.T.copy(), strict=True)))
+        _write(beside / "tacho.parquet", {"t_s": run.tacho_t_s, "pulses": run.pulses})
+        if run.truth is not None:
+            t_s, distance_m, speed_mps = run.truth
+            slip = np.zeros(len(t_s), np.int8)
+            _write(
+                beside / "truth.parquet", {"t_s": t_s, "distance_m": distance_m, "speed_mps": speed_mps, "slip": slip}
+            )
+        beside.rename(folder)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _array(path: Path) -> NDArray[np.float64]:
+    try:
+        array = np.load(path, allow_pickle=False)
+    except (FileNotFoundError, ValueError) as error:
+        msg = f"{path}: {error} (a comma2k19 segment holds processed_log and global_pose)"
+        raise ImportFileError(msg) from error
+    if array.size == 0 or not np.isfinite(array).all():
+        msg = f"{path}: empty, or not all numbers"
+        raise ImportFileError(msg)
+    return np.asarray(array, np.float64)
+
+
+def _columns(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> NDArray[np.float64]:
+    """Wanted columns as numbers, rows with anything else left out."""
+    missing = [one for one in wanted if one not in names]
+    if missing:
+        msg = f"{path}: say which column is {', '.join(missing)}"
+        raise ImportFileError(msg)
+    # Some loggers write a line `sep=,` before the header, which has the longest line after it.
+    with path.open("rb") as file:
+        start = file.read(4)
+    skip = 1 if start == b"sep=" else 0
+    connection = duckdb.connect()
+    try:
+        # A row that holds anything but numbers in these columns is left out.
+        relation = connection.read_csv(
+            str(path),
+            skiprows=skip,
+            header=True,
+            dtype={names[one]: "DOUBLE" for one in wanted},
+            ignore_errors=True,
+            null_padding=True,
+        )
+        missing = [names[one] for one in wanted if names[one] not in relation.columns]
+        if missing:
+            msg = f"{path}: no column {', '.join(missing)} among {', '.join(relation.columns)}"
+            raise ImportFileError(msg)
+        rows = relation.fetchnumpy()
+    except duckdb.Error as error:
+        msg = f"{path}: {str(error).splitlines()[0]}"
+        raise ImportFileError(msg) from error
+    finally:
+        connection.close()
+    table = np.stack(
+        [np.ma.filled(np.ma.asarray(one, np.float64), np.nan) for one in (rows[names[name]] for name in wanted)], axis=1
+    )
+    table = table[np.isfinite(table).all(axis=1)]
+    if len(table) < 2:  # noqa: PLR2004 - a run has a beginning and an end
+        msg = f"{path}: no rows of numbers in the columns {', '.join(names[one] for one in wanted)}"
+        raise ImportFileError(msg)
+    return table
+
+
+def _rising(t_s: Floats, values: NDArray[np.float64]) -> tuple[Floats, NDArray[np.float64]]:
+    """In order of time, each time once."""
+    times, first = np.unique(t_s, return_index=True)
+    return np.ascontiguousarray(times), np.ascontiguousarray(values[first])
+
+
+def _integral(t_s: Floats, values: Floats) -> Floats:
+    """Running integral by trapezia, from 0."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(t_s) * (values[1:] + values[:-1]) / 2.0)])
+
+
+def _write(path: Path, columns: dict[str, NDArray[np.generic]]) -> None:
+    connection = duckdb.connect()
+    try:
+        connection.execute("set threads=1")
+        connection.register("columns", columns)
+        connection.table("columns").write_parquet(str(path))
+    finally:
+        connection.close()
