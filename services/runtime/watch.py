@@ -18,13 +18,27 @@ from schemas.health import Health
 from schemas.message import Message
 from schemas.position import TrainTruth
 from schemas.topic import Place, TopicError
-from schemas.topics import GNSS_COMPARISON, GNSS_FIX, HEALTH, TRAIN_TRUTH
+from schemas.topics import (
+    GNSS_COMPARISON,
+    GNSS_FIX,
+    HEALTH,
+    LANDMARK_MATCH,
+    MOTION_TRUTH,
+    MOTION_WARNING,
+    ODOMETRY,
+    POSITION_EVENT,
+    REFERENCE_PASS,
+    SLIP_EPISODE,
+    TRAIN_POSITION,
+    TRAIN_TRUTH,
+)
 from services.runtime.alive import AliveChange
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig, Settings
 from services.runtime.node import Arrival, Node, Service
 from services.runtime.process_end import StopSignals, end_process
 from services.runtime.watch_state import WatchState
+from services.runtime.watch_trains_view import status_of
 from services.runtime.watch_view import fix_status, plain_lines, render, service_level
 from services.runtime.watch_words import Language
 from services.runtime.zenoh_config import BusConfigError
@@ -67,7 +81,20 @@ async def _run(node: Node, config: WatchConfig, changes: AsyncIterator[AliveChan
 WATCH = Service(
     "watch",
     WatchConfig,
-    reads=(GNSS_FIX, GNSS_COMPARISON, TRAIN_TRUTH, HEALTH),
+    reads=(
+        GNSS_FIX,
+        GNSS_COMPARISON,
+        TRAIN_TRUTH,
+        HEALTH,
+        TRAIN_POSITION,
+        MOTION_TRUTH,
+        ODOMETRY,
+        POSITION_EVENT,
+        SLIP_EPISODE,
+        LANDMARK_MATCH,
+        REFERENCE_PASS,
+        MOTION_WARNING,
+    ),
     writes=(),
     run=_run,
     about="shows trains and services in a terminal",
@@ -76,8 +103,18 @@ WATCH = Service(
 
 async def read_into(state: WatchState, node: Node) -> None:
     """Take everything heard on the line into the state, until stopped."""
-    async for arrival in node.arrivals(GNSS_FIX, GNSS_COMPARISON, TRAIN_TRUTH, HEALTH, anywhere=True):
-        take(state, arrival, node.clock.monotonic_s())
+    receivers = node.arrivals(GNSS_FIX, GNSS_COMPARISON, TRAIN_TRUTH, HEALTH, anywhere=True)
+    places = node.arrivals(TRAIN_POSITION, MOTION_TRUTH, ODOMETRY, anywhere=True)
+    events = node.arrivals(POSITION_EVENT, SLIP_EPISODE, LANDMARK_MATCH, REFERENCE_PASS, anywhere=True)
+    warnings = node.arrivals(MOTION_WARNING, anywhere=True)
+
+    async def follow(arrivals: AsyncIterator[Arrival[Message]]) -> None:
+        async for arrival in arrivals:
+            take(state, arrival, node.clock.monotonic_s())
+
+    async with asyncio.TaskGroup() as group:
+        for arrivals in (receivers, places, events, warnings):
+            group.create_task(follow(arrivals))
 
 
 async def follow_alive(state: WatchState, changes: AsyncIterator[AliveChange]) -> None:
@@ -99,8 +136,8 @@ def take(state: WatchState, arrival: Arrival[Message], now_s: float) -> None:
             state.take_truth(arrival.place.name, arrival.fields["device"], truth, now_s)
         case Health() as health:
             state.take_health(arrival.source or f"{arrival.place}/{health.service}", health, now_s, delay_s)
-        case _:
-            return
+        case message:
+            state.take_of_train(arrival.place.name, message, now_s, delay_s)
 
 
 def run_watch(bus: BusConfig, line: str, *, once: bool, language: Language, as_json: bool) -> NoReturn:
@@ -230,4 +267,22 @@ def summary(state: WatchState, now_s: float) -> dict[str, object]:
         }
         for view in state.services.values()
     ]
-    return {"line": state.line, "fixes": fixes, "services": services}
+    positions = [
+        {
+            "train": view.train,
+            "status": status_of(view, now_s),
+            "age_s": view.age_s(now_s),
+            "chainage_m": view.position.chainage_m,
+            "axis_m": view.position.axis_m,
+            "branch": view.position.branch,
+            "direction": view.position.direction,
+            "speed_mps": view.position.speed_mps,
+            "bound_ahead_m": view.position.bound_ahead_m,
+            "bound_behind_m": view.position.bound_behind_m,
+            "error_m": view.error_m,
+            "outside_bounds": view.outside,
+        }
+        for view in state.trains.values()
+        if view.position is not None
+    ]
+    return {"line": state.line, "positions": positions, "fixes": fixes, "services": services}

@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 
 from schemas.gnss import Fix
 from schemas.health import Health
+from schemas.message import Message
 from schemas.position import TrainTruth
+from services.runtime.watch_trains import TrainView
 
 STALE_AFTER_S = 2.0
 """Ten epochs of a 5 Hz receiver."""
@@ -122,6 +124,7 @@ class WatchState:
     line: str
     devices: dict[tuple[str, str], DeviceView] = field(default_factory=dict)
     services: dict[str, ServiceView] = field(default_factory=dict)
+    trains: dict[str, TrainView] = field(default_factory=dict)
     crowded: bool = False
     """Some names were left out: there were too many."""
 
@@ -154,6 +157,16 @@ class WatchState:
         view.truth_heard_s = heard_s
         for row in view.methods.values():
             _settle(view, row)
+
+    def take_of_train(self, train: str, message: Message, heard_s: float, delay_s: float) -> None:
+        """Take in what a train says about its place."""
+        view = self.trains.get(train)
+        if view is None:
+            if len(self.trains) >= MAX_ROWS:
+                self.crowded = True
+                return
+            view = self.trains[train] = TrainView(train)
+        view.take(message, heard_s, delay_s)
 
     def take_alive(self, source: str, boot_id: str, *, alive: bool) -> None:
         """Take in that a start of a service lives, or was lost."""

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from services.runtime.sparkline import Sparkline
 from services.runtime.watch_state import DeviceView, MethodView, ServiceView, WatchState
+from services.runtime.watch_trains_view import plain_train_line, train_panel
 from services.runtime.watch_words import Language, word
 
 CHART_S = 60.0
@@ -36,6 +37,11 @@ LEVEL_SHAPES = {"ok": ("●", "green"), "degraded": ("▲", "yellow"), "failed":
 def render(state: WatchState, now_s: float, language: Language = "en") -> RenderableType:
     """Everything on one screen at a moment."""
     parts: list[RenderableType] = [Text(f"Kirotei  {word('line', language, line=state.line)}", style="bold")]
+    parts.extend(
+        train_panel(train, now_s, language)
+        for _, train in sorted(state.trains.items())
+        if train.position or train.events
+    )
     for _, device in sorted(state.devices.items()):
         if device.methods:
             parts.append(_device_panel(device, now_s, language))
@@ -148,7 +154,7 @@ def _services_panel(views: list[ServiceView], now_s: float, language: Language) 
 
 def plain_lines(state: WatchState, now_s: float, language: Language = "en") -> list[str]:
     """The same in lines of text, for pipes and logs: every method, and every service that is not well."""
-    lines = []
+    lines = [plain_train_line(train, now_s, language) for _, train in sorted(state.trains.items()) if train.position]
     for _, device in sorted(state.devices.items()):
         for row in device.ordered():
             status = fix_status(row, now_s)

@@ -23,6 +23,14 @@ WORDS: dict[str, dict[Language, str]] = {
     "none": {"en": "none", "ja": "不能"},
     "stale": {"en": "stale", "ja": "途絶"},
     "train": {"en": "train {train}, receiver {device}", "ja": "列車 {train} 受信機 {device}"},
+    "place_of": {"en": "train {train}", "ja": "列車 {train} の位置"},
+    "valid": {"en": "valid", "ja": "有効"},
+    "no_position": {"en": "lost", "ja": "位置不明"},
+    "chainage": {"en": "chainage", "ja": "キロ程"},
+    "speed": {"en": "speed", "ja": "速度"},
+    "bounds": {"en": "front end within", "ja": "先頭の範囲"},
+    "reference": {"en": "last reference", "ja": "最後の基準点"},
+    "outside": {"en": "outside", "ja": "範囲外"},
     "services": {"en": "services", "ja": "サービス"},
     "service": {"en": "service", "ja": "サービス"},
     "level": {"en": "level", "ja": "健全度"},
@@ -42,6 +50,7 @@ WORDS: dict[str, dict[Language, str]] = {
     "original": {"en": "original", "ja": "補正なし"},
     "remove": {"en": "remove", "ja": "除去"},
     "adjust": {"en": "adjust", "ja": "調整"},
+    "robust": {"en": "robust", "ja": "頑健"},
 }
 
 
