@@ -1,0 +1,1 @@
+"""The train's place on its line: one position with its bound, from every source."""

@@ -1,0 +1,247 @@
+"""One message of the odometry after the other: steps, repetitions, new origins, silence, and its return."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.message import Message
+from schemas.motion import Odometry
+from services.train_position.claims import Claim, Interval, places_of
+from services.train_position.estimate import Estimate
+from services.train_position.held import Held
+from services.train_position.reach import Instant, Physics, Reach
+from services.train_position.snapshot import Snapshot, restore
+from services.train_position.weighing import weigh
+
+MOST_REFUSED: Final = 20
+"""After so many refusals in a row the odometry is taken to count anew, or its clock to have been set."""
+HIGHEST_MPS: Final = 300.0
+FARTHEST_M: Final = 1e8
+"""Beyond these a figure is a mistake."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Left:
+    """What was known when the odometry fell silent."""
+
+    instant: Instant
+    share: float
+    offsets: Interval | None
+    estimate_m: float | None
+
+
+class OdometrySteps:
+    """Moves what is held along with the odometry."""
+
+    def __init__(self, held: Held, kept: Snapshot | None) -> None:
+        """Begin anew, or with what was kept."""
+        self._held = held
+        self._kept = kept
+        self._refused = 0
+        self._left: _Left | None = None
+        self._heard_ns: int | None = None
+
+    def step(self, odometry: Odometry) -> list[Message] | None:
+        """Take a message; returns events, or None when it was refused and nothing moved."""
+        held = self._held
+        absurd = _absurd(odometry)
+        if absurd:
+            held.refuse("odometry", odometry.t_ns, "odometry", absurd)
+            return None
+        if held.began_ns is None:
+            held.began_ns = odometry.t_ns
+        told: list[Message] = []
+        if self._kept is not None:
+            told = restore(held, self._kept, odometry)
+            self._kept = None
+        now = held.reach.now
+        if now is None:
+            held.reach.first(odometry)
+        else:
+            moved = self._go_on(odometry, now)
+            if moved is None:
+                return None
+            told += moved
+        self._refused = 0
+        self._heard_ns = odometry.t_ns
+        self._note(odometry, now)
+        return told
+
+    def without(self, now_ns: int, first_ns: int | None) -> list[Message] | None:
+        """Go on to a time without odometry; None while it speaks, or while there is nothing to go on from."""
+        held = self._held
+        silent_ns = held.config.silent_s * 1e9
+        if self._heard_ns is None and held.reach.now is None:
+            if first_ns is None or now_ns - first_ns < silent_ns:
+                return [] if first_ns is None else None
+            bound_mps = held.config.most_speed_mps
+            held.reach.begin(Instant(first_ns, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, bound_mps), 0.0)
+            held.began_ns = first_ns
+            held.blind = True
+        now = held.reach.now
+        if now is None or now_ns - now.t_ns < (1 if held.blind else silent_ns):
+            return None
+        self._leave(now)
+        return self._grope(now_ns)
+
+    def _go_on(self, odometry: Odometry, now: Instant) -> list[Message] | None:
+        held = self._held
+        if odometry.status == "lost":
+            if odometry.t_ns <= now.t_ns:
+                return None
+            self._leave(now)
+            return self._grope(odometry.t_ns)
+        if held.blind:
+            return self._return(odometry, now)
+        if odometry.origin == held.origin:
+            return self._same_origin(odometry, now)
+        if odometry.t_ns <= now.t_ns:
+            held.refuse("odometry", odometry.t_ns, "odometry", "odometry of another origin from before")
+            return None
+        return self._new_origin(odometry, now)
+
+    def _same_origin(self, odometry: Odometry, now: Instant) -> list[Message] | None:
+        held = self._held
+        refusal = held.reach.refusal(odometry)
+        if refusal:
+            self._refused += 1
+            if self._refused <= MOST_REFUSED:
+                held.refuse("odometry", odometry.t_ns, "odometry", refusal)
+                return None
+            if odometry.t_ns <= now.t_ns:
+                # Its clock was set back. The way it counts goes on, the history cannot be used any more.
+                held.reach.begin(now._replace(t_ns=odometry.t_ns - 1), held.reach.share)
+                if held.reach.refusal(odometry):
+                    return self._new_origin(odometry, now._replace(t_ns=odometry.t_ns - 1))
+            else:
+                return self._new_origin(odometry, now)
+        self._step(held.reach, odometry, now)
+        return []
+
+    def _step(self, reach: Reach, odometry: Odometry, now: Instant) -> None:
+        held = self._held
+        share = max(reach.share, odometry.share_bound)
+        reach.step(odometry, held.scale.now(share), max(now.way_m - held.narrowed_way_m, 0.0))
+
+    def _new_origin(self, odometry: Odometry, now: Instant) -> list[Message]:
+        """The odometry began anew: physics bounds what lies between."""
+        held = self._held
+        away_s = (odometry.t_ns - now.t_ns) / 1e9
+        told: list[Message] = []
+        held.scale.restart()
+        if away_s > held.config.longest_gap_s and held.belief.alternatives:
+            held.lose(f"the odometry began anew after {away_s:.0f} s: a reference must tell the place")
+            told = [held.event("change", held.lost, odometry.t_ns)]
+        elif held.belief.alternatives:
+            text = f"the odometry began anew after {away_s:.1f} s: the bounds grow by what the train can have gone"
+            told = [held.event("change", text, odometry.t_ns)]
+        held.reach.gap(odometry)
+        # Ways count anew as well.
+        anew_m = odometry.way_m - now.way_m
+        held.narrowed_way_m += anew_m
+        held.reference_way_m += anew_m
+        held.belief.since_way_m += anew_m
+        return told
+
+    def _leave(self, now: Instant) -> None:
+        """Remember what was known when the odometry went."""
+        held = self._held
+        if self._left is None and not held.blind:
+            estimate_m = None if held.estimate is None else held.estimate.axis_m
+            self._left = _Left(now, held.reach.share, held.belief.offsets(), estimate_m)
+        held.blind = True
+
+    def _grope(self, t_ns: int) -> list[Message]:
+        """Go on by physics alone; the place is lost when nothing has told it for too long."""
+        held = self._held
+        before = held.reach.now
+        held.reach.blind(t_ns)
+        now = held.reach.now
+        if held.estimate is not None and before is not None and now is not None:
+            held.estimate.move(before, now)
+        self._confine()
+        places = held.places()
+        known_ns = max(self._heard_ns or 0, held.satellites_ns or 0)
+        too_long = known_ns > 0 and t_ns - known_ns > held.config.longest_gap_s * 1e9
+        if places is not None and (too_long or places.width_m > held.config.most_known_m):
+            held.lose("no odometry, and nothing else tells the place")
+        return []
+
+    def _return(self, odometry: Odometry, now: Instant) -> list[Message] | None:
+        """The odometry speaks again: the way it counted meanwhile is a claim beside what is held by now."""
+        held, left = self._held, self._left
+        if odometry.t_ns <= now.t_ns:
+            held.refuse("odometry", odometry.t_ns, "odometry", "odometry of before")
+            return None
+        carried: Interval | None = None
+        middle_m = 0.0
+        if left is not None and left.offsets is not None and odometry.origin == held.origin:
+            physics = Physics(held.config.most_speed_mps, held.config.most_acceleration_mps2)
+            alone = Reach(physics, held.reach.sense)
+            alone.begin(left.instant, left.share)
+            if not alone.refusal(odometry):
+                self._step(alone, odometry, left.instant)
+                after = alone.now or left.instant
+                carried = places_of(left.offsets, after)
+                moved_m = after.likeliest_m - left.instant.likeliest_m
+                middle_m = carried.clip((left.estimate_m or 0.0) + moved_m)
+        held.scale.restart()
+        held.reach.gap(odometry)
+        held.blind, self._left = False, None
+        if carried is None:
+            return []
+        half_m = max(carried.width_m / 2.0, 0.0)
+        after_gap = held.reach.now or now
+        centre_m = (carried.least_m + carried.greatest_m) / 2.0
+        claim = Claim("odometry", "odometry", odometry.t_ns, centre_m, half_m, max(half_m / 3.0, 0.1))
+        if held.estimate is not None:
+            held.estimate.move(now, after_gap)
+        told = weigh(held, claim, after_gap)
+        if held.estimate is not None and not held.belief.contradicted:
+            held.estimate = Estimate(
+                middle_m, max(half_m / 3.0, 0.1), held.estimate.scale, held.scale_now().largest / 3.0
+            )
+        return told
+
+    def _note(self, odometry: Odometry, before: Instant | None) -> None:
+        """Take over what the message says beside the way."""
+        held = self._held
+        if odometry.status != "lost":
+            held.origin = odometry.origin
+        held.odometry = odometry
+        now = held.reach.now
+        if held.estimate is not None and before is not None and now is not None and not held.blind:
+            held.estimate.move(before, now)
+        self._confine()
+        if held.stop_demanded and odometry.standstill:
+            held.stop_demanded = False
+        if odometry.status == "valid":
+            held.say("odometry", odometry.t_ns, odometry.reason or "valid", taken=True)
+        else:
+            held.say(
+                "odometry", odometry.t_ns, f"{odometry.status}: {odometry.reason}", taken=odometry.status != "lost"
+            )
+
+    def _confine(self) -> None:
+        held = self._held
+        places = held.places()
+        if places is None or held.estimate is None:
+            return
+        if places.width_m > held.config.most_known_m:
+            held.lose(f"the front end may be anywhere within {places.width_m:.0f} m")
+            return
+        scale = held.scale_now()
+        held.estimate.confine(places.least_m, places.greatest_m, scale.least, scale.greatest)
+
+
+def _absurd(odometry: Odometry) -> str:
+    """Why a message cannot be meant; empty when it can."""
+    if odometry.t_ns < 0:
+        return f"odometry stamped {odometry.t_ns} ns"
+    if abs(odometry.speed_mps) > HIGHEST_MPS or odometry.speed_bound_mps > HIGHEST_MPS:
+        return f"odometry of {odometry.speed_mps:.0f} m/s ± {odometry.speed_bound_mps:.0f} m/s"
+    largest_m = max(abs(odometry.distance_m), odometry.way_m, odometry.excess_m, odometry.provisional_m)
+    if largest_m > FARTHEST_M or odometry.share_bound > 1.0:
+        return f"odometry with a way of {largest_m:.0f} m and an error of {odometry.share_bound:.0%}"
+    return ""
