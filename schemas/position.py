@@ -221,11 +221,18 @@ class SimulatorFault(Message, frozen=True, kw_only=True):
         "accelerometer_bias",
         "imu_frozen",
         "imu_lost",
+        "imu_saturated",
+        "imu_axes_swapped",
+        "imu_late",
         "tacho_stuck",
         "tacho_lost",
+        "tacho_missing_teeth",
+        "tacho_reset",
+        "tacho_late",
     ]
     active: bool = True
     magnitude: float | None = None
-    """Metres per second, radians per second or metres per second squared, by kind; None: a usual one."""
+    """By kind: m/s of the wheel against the train (`slide`, `spin`), share of speed (`micro_slip`), rad/s, m/s²,
+    seconds (`imu_late`, `tacho_late`), missing teeth, share of the usual span (`imu_saturated`); None: a usual one."""
     duration_s: Metres | None = None
     """None: until it is switched off."""
