@@ -25,9 +25,7 @@ SCALE_SIGMA: Final = 0.01
 
 
 @kernel
-def curvature_rows(
-    yaw_radps: Floats, distance_m: Floats, usable: Floats, first: int, out: Floats
-) -> None:
+def curvature_rows(yaw_radps: Floats, distance_m: Floats, usable: Floats, first: int, out: Floats) -> None:
     """Rows (κ [1/m], its standard deviation, its distance [m]) for ticks from `first` on into `out`, shape (n, 3).
 
     Yaw is positive to the left. NaN below LEAST_MPS, and where any tick of the window is not usable (0). `distance_m`

@@ -32,11 +32,15 @@ def _follow(
 
 
 @kernel
-def begin_episode(
-    ticks: Records, smoothed: Records, at: int, rules: Records, state: Records, tracks: Records
-) -> bool:
-    """Choose start points and follow them; False where no tick could serve as one."""
+def begin_episode(ticks: Records, smoothed: Records, at: int, rules: Records, state: Records, tracks: Records) -> bool:
+    """Choose start points and follow them; False where no tick could serve as one.
+
+    Soon after the last episode there is no start point yet: its end is taken back, and its tracks go on.
+    """
     now, rule = state[0], rules[0]
+    if now.reopenable > 0 and ticks[max(0, at - rule.look_back - rule.window)].t_ns <= now.ended_ns:
+        _reopen(state)
+        return True
     now.tracks = 0
     latest = max(0, at - rule.look_back)
     earliest = max(0, latest - rule.search)
@@ -62,9 +66,24 @@ def begin_episode(
 
 
 @kernel
-def step_episode(
-    ticks: Records, smoothed: Records, at: int, rules: Records, state: Records, tracks: Records
-) -> int:
+def _reopen(state: Records) -> None:
+    now = state[0]
+    now.mode, now.tracks, now.slip, now.agreeing = CORRECTING, now.reopenable, now.ended_slip, 0
+
+
+@kernel
+def follow_ended(smoothed: Records, at: int, rules: Records, state: Records, tracks: Records) -> None:
+    """Carry the tracks of the last episode on while its end may still be taken back."""
+    now, rule = state[0], rules[0]
+    if now.reopenable > 0 and smoothed[at].ready != 0 and tracks[0].t_s < rule.longest_s:
+        for k in range(now.reopenable):
+            step_track(tracks[k : k + 1], smoothed, at, rule.correction, state)
+    else:
+        now.reopenable = 0
+
+
+@kernel
+def step_episode(ticks: Records, smoothed: Records, at: int, rules: Records, state: Records, tracks: Records) -> int:
     """All tracks one period on; the number of the one that adheres again, or -1."""
     now, rule = state[0], rules[0]
     found = -1
@@ -99,14 +118,13 @@ def end_episode(
 @kernel
 def _close(t_ns: int, state: Records) -> None:
     now = state[0]
+    now.reopenable, now.ended_slip = now.tracks if now.mode == CORRECTING else 0, now.slip
     now.mode, now.slip, now.forced, now.tracks = ADHERING, 0, 0, 0
     now.ended_ns = t_ns
 
 
 @kernel
-def resume_wheel(
-    ticks: Records, smoothed: Records, at: int, rules: Records, state: Records, tracks: Records
-) -> float:
+def resume_wheel(ticks: Records, smoothed: Records, at: int, rules: Records, state: Records, tracks: Records) -> float:
     """Take up the wheel after a correction that found no end; gives the error that this may leave [m]; -1: not yet.
 
     Accelerations agree again, speeds do not: the drift of speed is the track's, its way is corrected by the

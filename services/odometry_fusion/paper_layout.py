@@ -57,6 +57,7 @@ SMOOTHED: Final[np.dtype[Any]] = np.dtype([
 
 RULES: Final[np.dtype[Any]] = np.dtype([
     ("window", np.int64),
+    ("speed_window", np.int64),
     ("look_back", np.int64),
     ("search", np.int64),
     ("periods", np.int64),
@@ -107,6 +108,9 @@ STATE: Final[np.dtype[Any]] = np.dtype([
     ("rest_ticks", np.int64),
     ("agreeing", np.int64),
     ("distrusted", np.int64),
+    ("watched", np.int64),
+    ("reopenable", np.int64),
+    ("ended_slip", np.int64),
     *_floats(
         # distance = way + offset while adhering
         "offset_m",
@@ -121,6 +125,7 @@ STATE: Final[np.dtype[Any]] = np.dtype([
         "pitch_bias_radps",
         "yaw_bias_radps",
         "rest_s",
+        "apart_m",
     ),
 ])  # fmt: skip
 """What is kept between ticks."""
@@ -178,8 +183,10 @@ def rules_of(settings: PaperSettings, vehicle: Vehicle) -> Records:
     rules = np.zeros(1, RULES)
     steepest_mps2 = GRAVITY_MPS2 * vehicle.max_gradient_permille * 1e-3
     own_mps2 = steepest_mps2 + settings.headroom_kmhps / KMH
+    window = max(2, round(settings.window_s / PERIOD_S))
     values = {
-        "window": max(1, round(settings.window_s / PERIOD_S)),
+        "window": window,
+        "speed_window": max(1, min(window // 2, round(settings.speed_window_s / PERIOD_S))),
         "look_back": round(settings.look_back_s / PERIOD_S),
         "search": round(settings.search_s / PERIOD_S),
         "periods": settings.periods,

@@ -29,6 +29,7 @@ from services.odometry_fusion.paper_layout import (
 )
 from services.odometry_fusion.paper_settings import PaperSettings
 from services.odometry_fusion.paper_step import run_ticks
+from services.odometry_fusion.paper_witness import WITNESSES
 from services.odometry_fusion.tick_layout import TICK, Records
 from services.odometry_fusion.ticks import TickMaker
 
@@ -47,6 +48,8 @@ class PaperOdometry:
         self._state["since_rest_s"] = settings.bias_hold_s
         self._state["ended_ns"] = np.iinfo(np.int64).min
         self._tracks = np.zeros(MOST_TRACKS, TRACK)
+        self._witnesses = np.zeros(WITNESSES, TRACK)
+        self._witnesses["t_s"] = -1.0
         self._past = np.empty(0, TICK)
         self._past_smoothed = np.empty(0, SMOOTHED)
         self._past_turns = np.empty((0, 3))
@@ -60,7 +63,7 @@ class PaperOdometry:
         smoothed = np.concatenate([self._past_smoothed, np.zeros(len(new), SMOOTHED)])
         out = np.zeros(len(new), OUT)
         events = np.zeros(2 * len(new) + 1, EVENT)
-        count = run_ticks(ticks, smoothed, first, self._rules, self._state, self._tracks, out, events)
+        count = run_ticks(ticks, smoothed, first, self._rules, self._state, self._tracks, self._witnesses, out, events)
         rows = self._rows(new, out, self._episodes(new, events[:count]))
         kept = max(0, len(ticks) - HISTORY)
         self._past, self._past_smoothed = ticks[kept:], smoothed[kept:]

@@ -15,8 +15,10 @@ PitchCorrection = Literal["none", "constant", "yaw", "yaw_and_roll"]
 class PaperSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Parameters of Iwata et al.; km/h/s and km/h/s per 0.1 s as in the text."""
 
-    window_s: Annotated[float, Meta(ge=0.1, le=5.0)] = 3.0
+    window_s: Annotated[float, Meta(ge=0.2, le=5.0)] = 3.0
     """Moving average of every signal (section 4.1)."""
+    speed_window_s: Annotated[float, Meta(ge=0.1, le=2.0)] = 1.0
+    """Speeds of the wheel whose difference over the window is Ap are taken over so long."""
     detection_kmhps: Positive | None = None
     """Ta of equation (1). None: what the steepest gradient of the vehicle's line shows, and `headroom_kmhps`."""
     headroom_kmhps: NotNegative = 0.37
@@ -24,7 +26,7 @@ class PaperSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     mille; on lines as steep as the limit Ta would be crossed by gradients alone."""
     look_back_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 2.1
     """The search for the start point begins so long before detection (section 4.3.1)."""
-    search_s: Annotated[float, Meta(ge=0.3, le=30.0)] = 10.0
+    search_s: Annotated[float, Meta(ge=0.3, le=30.0)] = 12.0
     """The search goes back so far; the paper gives no limit."""
     jerk_imu_kmhps: Positive = 0.15
     """Largest |Ji| at a start point, per 0.1 s."""
@@ -37,11 +39,11 @@ class PaperSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     pitch_correction: PitchCorrection = "yaw"
     """`none`: the pitch rate as measured; `constant`: pitch stays as at the start point; `yaw`: equation (5);
     `yaw_and_roll`: equation (12)."""
-    start_points: Annotated[int, Meta(ge=1, le=8)] = 1
+    start_points: Annotated[int, Meta(ge=1, le=8)] = 4
     """Start points that are followed at once, the first to re-adhere counts (section 4.3.1 suggests several)."""
-    start_point_spacing_s: Annotated[float, Meta(ge=0.1, le=10.0)] = 1.0
+    start_point_spacing_s: Annotated[float, Meta(ge=0.1, le=10.0)] = 2.5
     """Least time between them."""
-    beta_kmhps: Positive = 0.3
+    beta_kmhps: Positive = 0.15
     """Largest difference of speed at re-adhesion per second of correction. The paper gives no figure."""
     jerk_at_readhesion: bool = False
     """Whether re-adhesion takes the jerk criteria, too (section 4.3.1 suggests it)."""
@@ -53,9 +55,9 @@ class PaperSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """The paper resets its sensors about every 30 minutes."""
     accelerometer_error_kmhps: NotNegative = 0.1
     """② of equation (13)."""
-    threshold_error_kmhps: NotNegative = 0.45
+    threshold_error_kmhps: NotNegative = 0.25
     """③ of equation (13). The paper takes 1.23, the steepest gradient once more, for a start point chosen by jerk."""
     share: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.02
     """Relative error of distance outside slips (section 4.3.1)."""
-    undetected_m: NotNegative = 3.0
+    undetected_m: NotNegative = 2.0
     """What a slip may cost before it is detected."""

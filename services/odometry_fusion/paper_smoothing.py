@@ -15,10 +15,11 @@ LONGEST_HOLD_S = 0.3
 
 
 @kernel
-def smooth(ticks: Records, at: int, window: int, out: Records) -> None:
+def smooth(ticks: Records, at: int, window: int, speed_window: int, out: Records) -> None:
     """Means of the inertial sensor over `window` ticks up to `at`; way, speed and acceleration of the wheel alike.
 
-    Ap is the change of speed over the window, which is the mean of the acceleration in it.
+    Ap is the change of speed from the window's first `speed_window` ticks to its last ones: its mean acceleration.
+    With a speed of a single period (0.3 m/s per pulse) Ap would be coarser than what it is compared with.
     """
     now = out[at]
     now.ready = 0
@@ -41,8 +42,9 @@ def smooth(ticks: Records, at: int, window: int, out: Records) -> None:
     now.roll_radps, now.pitch_radps, now.yaw_radps = gx / window, -gy / window, gz / window
     now.way_m = way / window
     now.speed_mps = (ticks[at].aligned_m - ticks[at - window].aligned_m) / (window * PERIOD_S)
-    before = (ticks[at - 1].aligned_m - ticks[at - 1 - window].aligned_m) / (window * PERIOD_S)
-    now.wheel_mps2 = (now.speed_mps - before) / PERIOD_S
+    late_mps = (ticks[at].aligned_m - ticks[at - speed_window].aligned_m) / (speed_window * PERIOD_S)
+    early_mps = (ticks[at - window + speed_window].aligned_m - ticks[at - window].aligned_m) / (speed_window * PERIOD_S)
+    now.wheel_mps2 = (late_mps - early_mps) / ((window - speed_window) * PERIOD_S)
     now.jerk_imu = now.ax_mps2 - out[at - 1].ax_mps2
     now.jerk_wheel = now.wheel_mps2 - out[at - 1].wheel_mps2
     now.ready = ready

@@ -13,6 +13,7 @@ from services.odometry_fusion.paper_episode import (
     NOT_FOUND as NOT_FOUND_PHASE,
     begin_episode,
     end_episode,
+    follow_ended,
     give_up,
     is_overdue,
     overrun,
@@ -33,6 +34,7 @@ from services.odometry_fusion.paper_layout import (
 from services.odometry_fusion.paper_rest import watch_rest
 from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, smooth
 from services.odometry_fusion.paper_track import present
+from services.odometry_fusion.paper_witness import dismiss, watch_wheel
 from services.odometry_fusion.tick_layout import Records
 
 LONGEST_SILENCE_S = 0.5
@@ -55,14 +57,15 @@ def run_ticks(
     rules: Records,
     state: Records,
     tracks: Records,
+    witnesses: Records,
     out: Records,
     events: Records,
 ) -> int:
     """Rows for ticks from `first` on, earlier ones being history; gives the number of events."""
     count = 0
     for at in range(first, len(ticks)):
-        smooth(ticks, at, rules[0].window, smoothed)
-        count = _step(ticks, smoothed, at, at - first, rules, state, tracks, out, events, count)
+        smooth(ticks, at, rules[0].window, rules[0].speed_window, smoothed)
+        count = _step(ticks, smoothed, at, at - first, rules, state, tracks, witnesses, out, events, count)
     return count
 
 
@@ -88,6 +91,7 @@ def _step(
     rules: Records,
     state: Records,
     tracks: Records,
+    witnesses: Records,
     out: Records,
     events: Records,
     count: int,
@@ -101,6 +105,9 @@ def _step(
         stands = watch_rest(ticks, at, state)
         if stands:
             now.distrusted = 0
+            dismiss(witnesses)
+        now.apart_m = 0.0 if stands else watch_wheel(ticks, smoothed, at, rule.correction, state, witnesses)
+        follow_ended(smoothed, at, rules, state, tracks)
         _watch_gap(tick.way_m, no_imu, state)
         now.forced = 1 if no_pulses else 0
         slips = smoothed[at].ready != 0 and accelerations_differ(
@@ -110,6 +117,7 @@ def _step(
             m = distance_error(rules, tracks[0].t_s, now.since_rest_s)
             count = _note(events, count, row, BEGAN, state, tracks, 0.0, m)
     else:
+        dismiss(witnesses)
         count = _correct(ticks, smoothed, at, row, rules, state, tracks, events, count, no_imu)
     _write(ticks, smoothed, at, rules, state, tracks, out, row, stands, no_imu, no_pulses)
     return count
@@ -139,7 +147,7 @@ def _correct(
         phase = NOT_FOUND_PHASE
     elif chosen >= 0:
         if chosen > 0:
-            tracks[0] = tracks[chosen]
+            _swap(tracks, chosen)
         bound_m = end_episode(ticks, smoothed, at, 0, rules, state, tracks)
     elif is_overdue(rules, state, tracks):
         overrun(state)
@@ -153,6 +161,14 @@ def _correct(
         if count > 0:
             events[count - 1].slip = slip
     return count
+
+
+@kernel
+def _swap(tracks: Records, chosen: int) -> None:
+    """Put the chosen track first."""
+    spare = tracks[0:1].copy()
+    tracks[0] = tracks[chosen]
+    tracks[chosen] = spare[0]
 
 
 @kernel
@@ -198,6 +214,7 @@ def _write(
         own.gradient_permille = math.nan
         if smoothed[at].ready:
             own.gradient_permille = 1e3 / 9.80665 * (smoothed[at].ax_mps2 - smoothed[at].wheel_mps2)
+        provisional_m += now.apart_m
         if now.gap_s > 0.0:
             provisional_m += _unseen(now.gap_s, abs(tick.way_m - now.gap_way_m))
             error_mps += SLIP_MPS2 * min(now.gap_s, 10.0)

@@ -47,9 +47,7 @@ def _unwrapped(step: int, dt_s: float, speed_mps: float, pulse_m: float) -> int:
 
 
 @kernel
-def count_way(
-    t_ns: Counts, pulses: Counts, pulse_m: float, counter: Records, way_m: Floats, doubt_m: Floats
-) -> None:
+def count_way(t_ns: Counts, pulses: Counts, pulse_m: float, counter: Records, way_m: Floats, doubt_m: Floats) -> None:
     """Way at each count, and in `doubt_m` by how much it may be wrong because the counter began anew there.
 
     Times rise. Over a step that is no motion the last speed is kept, and half a second more of doubt is stated
