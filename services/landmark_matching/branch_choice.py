@@ -38,11 +38,12 @@ class BranchChoice:
 
     def __init__(self, routes: Sequence[Route], junction_axis_m: float, window_u_m: tuple[float, float]) -> None:
         """Routes of one direction; the train lies between the ends of the window on whichever it takes."""
-        self._junction_axis_m = junction_axis_m
+        self.junction_axis_m = junction_axis_m
         grid = CurvatureGrid(routes)
         grid.expect([window_u_m] * len(routes))
         self._walk = ProfileWalk(grid)
-        self._until_m = max(0.0, abs(junction_axis_m - abs(window_u_m[0])) if routes[0].direction == "up" else 0.0)
+        facing = routes[0].direction == "up"
+        self._until_m = max(0.0, junction_axis_m - window_u_m[0]) if facing else 0.0
         self.done = False
 
     def take(self, sample: Sample) -> Choice | None:
@@ -60,4 +61,4 @@ class BranchChoice:
         self.done = decided is not None
         name = branch or "the main line"
         reason = f"curvature of {self._walk.way_m:.0f} m fits {name} with {100.0 * best:.2f} %"
-        return Choice(self._junction_axis_m, chances, decided, reason)
+        return Choice(self.junction_axis_m, chances, decided, reason)

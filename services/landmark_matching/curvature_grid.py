@@ -147,22 +147,21 @@ class CurvatureGrid:
         """Probability of each route."""
         return [float(self._chance[a:b].sum()) for a, b in zip(self._starts, self._starts[1:], strict=False)]
 
-    def route_places(self, route: int) -> tuple[float, float, float]:
-        """Of one route: mean place, standard deviation, and probability of lying there."""
-        chance = self._chance[self._starts[route] : self._starts[route + 1]]
-        u = self.routes[route].first_u_m + STEP_M * np.arange(len(chance))
-        total = float(chance.sum())
-        if not total > 0.0:
-            return float("nan"), float("inf"), 0.0
-        mean = float(chance @ u) / total
-        return mean, float(np.sqrt(chance @ (u - mean) ** 2 / total)), total
-
-    def best(self, within_m: float) -> tuple[int, float, float]:
-        """Route and place of the highest probability, and how much of all lies within a distance of it there."""
+    def best(self) -> tuple[int, float]:
+        """Route and place of the highest probability."""
         top = int(np.argmax(self._chance))
         route = int(np.searchsorted(self._starts, top, side="right")) - 1
+        return route, self.routes[route].first_u_m + STEP_M * float(top - self._starts[route])
+
+    def near(self, route: int, u_m: float, within_m: float) -> tuple[float, float]:
+        """Probability of one route's places within a distance of `u_m`, and their mean place."""
+        first, last = int(self._starts[route]), int(self._starts[route + 1])
+        at = first + round((u_m - self.routes[route].first_u_m) / STEP_M)
         reach = int(within_m / STEP_M)
-        first, last = max(top - reach, self._starts[route]), min(top + reach + 1, self._starts[route + 1])
-        near = self._chance[first:last]
-        place = float(near @ np.arange(first, last)) / float(near.sum()) - float(self._starts[route])
-        return route, self.routes[route].first_u_m + STEP_M * place, float(near.sum())
+        low, high = max(at - reach, first), min(at + reach + 1, last)
+        chance = self._chance[low : max(high, low)]
+        total = float(chance.sum())
+        if not total > 0.0:
+            return 0.0, u_m
+        place = float(chance @ np.arange(low, high)) / total - first
+        return total, self.routes[route].first_u_m + STEP_M * place

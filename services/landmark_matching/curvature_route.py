@@ -25,6 +25,8 @@ class Route:
     first_u_m: float
     heading_rad: Floats
     """Shape (n,), every STEP_M from `first_u_m`: integral of the curvature that the train feels."""
+    junction_axis_m: float = float("inf")
+    """Up to here the way is the main line's; infinite on the main line itself."""
 
 
 def route_of(alignment: Alignment, direction: Direction) -> Route:
@@ -33,9 +35,10 @@ def route_of(alignment: Alignment, direction: Direction) -> Route:
     The curvature is the alignment's; its integral is taken by the trapezoidal rule, exact for clothoids but for
     the steps in which a transition begins or ends.
     """
+    junction_m = float("inf") if alignment.junction_axis_m is None else alignment.junction_axis_m
     places = np.arange(0.0, alignment.length_m + STEP_M, STEP_M)
     curvature = alignment.curvature_per_m(np.minimum(places, alignment.length_m))
     if direction == "down":
         places, curvature = -places[::-1], -curvature[::-1]
     heading = np.concatenate([[0.0], np.cumsum(0.5 * STEP_M * (curvature[1:] + curvature[:-1]))])
-    return Route(alignment.branch, direction, float(places[0]), np.ascontiguousarray(heading))
+    return Route(alignment.branch, direction, float(places[0]), np.ascontiguousarray(heading), junction_m)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 from schemas.line import Curve, Direction, Landmark
 from services.landmark_matching.anchor import Anchor
@@ -16,6 +17,10 @@ from services.landmark_matching.reading import Reading, Sample, SampleMaker
 from services.landmark_matching.settings import MatchSettings
 from services.landmark_matching.track_record import TrackRecord
 from services.landmark_matching.twin import twin_of
+
+Route = tuple[str, Direction]
+"""Branch and direction of running."""
+DIRECTIONS: Final[tuple[Direction, ...]] = ("up", "down")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,31 +48,34 @@ class Matcher:
 
     def __init__(
         self,
-        landmarks: Sequence[Landmark],
-        curves: Sequence[tuple[str, Curve]],
+        landmarks: Mapping[str, Sequence[Landmark]],
+        curves: Mapping[str, Sequence[Curve]],
         settings: MatchSettings | None = None,
         watch: MovedWatch | None = None,
     ) -> None:
-        """Landmarks of all branches and directions, and every curve of the line as (branch, curve) for its twins.
+        """By branch: the landmarks, of both directions, that a train on the way there meets, and all its curves.
 
-        Raises ShapeError for a landmark whose rows make no curve.
+        Curves serve to find twins. Raises ShapeError for a landmark whose rows make no curve.
         """
         self.settings = settings or MatchSettings()
-        self._trackers: dict[tuple[str, Direction], list[CurveTracker]] = {}
-        self._curves: dict[tuple[str, Direction], list[tuple[str, CurveShape]]] = {}
-        for landmark in landmarks:
-            shape = shape_of_landmark(landmark)
-            key = (landmark.branch, landmark.direction)
-            self._trackers.setdefault(key, []).append(CurveTracker(landmark, shape, self.settings))
-            self._curves.setdefault(key, []).append((landmark.id, shape))
-        for branch, curve in curves:
-            for direction in ("up", "down"):
-                name = f"at {curve.start_axis_m:.0f} m"
-                self._curves.setdefault((branch, direction), []).append((name, shape_of_curve(curve, direction)))
+        self._trackers: dict[Route, list[CurveTracker]] = {}
+        self._curves: dict[Route, list[tuple[str, CurveShape]]] = {}
+        for branch, ones in landmarks.items():
+            for landmark in ones:
+                shape, route = shape_of_landmark(landmark), (branch, landmark.direction)
+                self._trackers.setdefault(route, []).append(CurveTracker(landmark, shape, self.settings))
+                self._curves.setdefault(route, []).append((landmark.id, shape))
+        for branch, bends in curves.items():
+            for curve in bends:
+                for direction in DIRECTIONS:
+                    shape = shape_of_curve(curve, direction)
+                    self._curves.setdefault((branch, direction), []).append((f"at {curve.start_axis_m:.0f} m", shape))
         self.watch = watch or MovedWatch()
         self._maker = self._new_maker()
         self._record = TrackRecord()
-        self._route: tuple[str, Direction] | None = None
+        self._route: Route | None = None
+        self.newest: Sample | None = None
+        """What the last reading gave."""
 
     def _new_maker(self) -> SampleMaker:
         return SampleMaker(self.settings.window_s, self.settings.lowest_speed_mps, self.settings.longest_step_s)
@@ -79,7 +87,7 @@ class Matcher:
         self._reset_route(None)
         self.watch.restart()
 
-    def _reset_route(self, route: tuple[str, Direction] | None) -> None:
+    def _reset_route(self, route: Route | None) -> None:
         for tracker in self._trackers.get(self._route, []) if self._route else []:
             tracker.reset()
         self._route = route
@@ -87,6 +95,7 @@ class Matcher:
     def step(self, reading: Reading, anchor: Anchor | None) -> list[Match]:
         """Matches that this reading completes, nearest landmark first; nothing while no place is held."""
         sample = self._maker.take(reading)
+        self.newest = sample
         if sample is None:
             return []
         self._record.add(sample)
@@ -96,19 +105,20 @@ class Matcher:
         if anchor is None or route is None:
             return []
         done = ((tracker, tracker.step(sample, self._record, anchor)) for tracker in self._trackers.get(route, []))
-        return [self._judged(tracker, found, anchor, sample) for tracker, found in done if found is not None]
+        return [self._judged(route, tracker, found, anchor, sample) for tracker, found in done if found is not None]
 
-    def _follow_route(self, route: tuple[str, Direction] | None) -> None:
+    def _follow_route(self, route: Route | None) -> None:
         """Another branch in the same direction continues the way; anything else begins anew."""
         if route is None or self._route is None or route[1] != self._route[1]:
             self.watch.restart()
         self._reset_route(route)
 
-    def _judged(self, tracker: CurveTracker, found: Diagnosed, anchor: Anchor, sample: Sample) -> Match:
+    def _judged(
+        self, route: Route, tracker: CurveTracker, found: Diagnosed, anchor: Anchor, sample: Sample
+    ) -> Match:
         """The verdict after the checks that know of other landmarks: twins and moved ones."""
         verdict, passage, landmark = found.verdict, found.passage, tracker.landmark
         if verdict.kind == "accepted" and passage is not None and verdict.measured is not None:
-            route = (landmark.branch, landmark.direction)
             twin = twin_of(passage, verdict.measured, self._curves[route], self.settings)
             if twin:
                 verdict = _refused(verdict, "twin", twin)
@@ -139,10 +149,3 @@ def _match(landmark: Landmark, verdict: Verdict, passage: Passage | None, anchor
         verdict.bound_m if accepted else 0.0,
         passage,
     )
-
-
-def run_matcher(
-    matcher: Matcher, readings: Sequence[Reading], anchor_of: Callable[[Reading], Anchor | None]
-) -> list[Match]:
-    """All matches of a whole run, with the anchor that holds at each reading."""
-    return [match for reading in readings for match in matcher.step(reading, anchor_of(reading))]

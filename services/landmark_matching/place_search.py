@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
+from schemas.line import Direction
 from services.landmark_matching.curvature_grid import CurvatureGrid
 from services.landmark_matching.curvature_route import Route
 from services.landmark_matching.profile_walk import ProfileWalk
@@ -22,7 +23,9 @@ LEAST_WAY_M: Final = 500.0
 class Found:
     """A place at one distance of the run."""
 
-    route: Route
+    branch: str
+    """Empty also where the way to a branch is still the main line's."""
+    direction: Direction
     u_m: float
     distance_m: float
     probability: float
@@ -40,13 +43,25 @@ def find_place(routes: Sequence[Route], samples: Iterable[Sample]) -> Found:
         newest = sample
         if not walk.take(sample) or walk.grid.lost or walk.way_m < LEAST_WAY_M:
             continue
-        route, u_m, probability = walk.grid.best(NEAR_M)
-        if probability >= CERTAIN:
-            return Found(routes[route], u_m, sample.distance_m, probability)
+        found = _best(walk.grid, sample.distance_m)
+        if found.probability >= CERTAIN:
+            return found
     if newest is None:
         msg = "the run has no samples"
         raise ValueError(msg)
-    if walk.grid.lost:
-        return Found(routes[0], routes[0].first_u_m, newest.distance_m, 0.0)
-    route, u_m, probability = walk.grid.best(NEAR_M)
-    return Found(routes[route], u_m, newest.distance_m, probability)
+    found = _best(walk.grid, newest.distance_m)
+    return replace(found, probability=0.0) if walk.grid.lost or walk.way_m < LEAST_WAY_M else found
+
+
+def _best(grid: CurvatureGrid, distance_m: float) -> Found:
+    """The likeliest place; ways that are still the same one there count together."""
+    top, u_m = grid.best()
+    direction, axis_m = grid.routes[top].direction, abs(u_m)
+    probability, place_m = grid.near(top, u_m, NEAR_M)
+    shared = axis_m + NEAR_M <= grid.routes[top].junction_axis_m
+    branch = grid.routes[top].branch
+    for number, route in enumerate(grid.routes):
+        both = min(route.junction_axis_m, grid.routes[top].junction_axis_m)
+        if number != top and route.direction == direction and axis_m + NEAR_M <= both:
+            probability += grid.near(number, u_m, NEAR_M)[0]
+    return Found("" if shared else branch, direction, place_m, distance_m, probability)

@@ -1,0 +1,132 @@
+"""A whole run matched: where it began, every landmark recognised or refused, and the place anew when it is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from schemas.line import Direction
+from services.landmark_matching.anchor import Anchor
+from services.landmark_matching.curve_shape import direction_sign
+from services.landmark_matching.junction_watch import JunctionWatch
+from services.landmark_matching.line_landmarks import LineLandmarks
+from services.landmark_matching.matcher import Match, Matcher
+from services.landmark_matching.moved_landmark import Moved
+from services.landmark_matching.own_position import OwnPosition
+from services.landmark_matching.place_search import CERTAIN, NEAR_M, Found, find_place
+from services.landmark_matching.reading import Reading
+from services.landmark_matching.run_readings import samples_of
+from services.landmark_matching.settings import MatchSettings
+
+LOST_AFTER: Final = 3
+"""Landmarks in a row whose curve was not there, or was another one: the place held is wrong."""
+NOT_THERE: Final = ("no curve", "start point", "sign", "curvature", "length", "upper limit", "lower limit", "shape")
+
+
+class PlaceError(ValueError):
+    """A run whose place on the line is not to be found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where a run begins."""
+
+    branch: str
+    direction: Direction
+    axis_m: float
+    """Of the inertial sensor."""
+    bound_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedFrom:
+    """From which reading on which anchor held."""
+
+    t_s: float
+    anchor: Anchor
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunMatches:
+    """What a run gave."""
+
+    matches: tuple[Match, ...]
+    placed: tuple[PlacedFrom, ...]
+    moved: tuple[Moved, ...]
+
+
+def match_run(
+    readings: Sequence[Reading],
+    known: LineLandmarks,
+    start: Start | None,
+    settings: MatchSettings,
+    share: float,
+) -> RunMatches:
+    """All landmarks of a run. Without a start the place is searched for by the curvature of the run itself.
+
+    `share` is the odometry's error per way. Raises PlaceError when the place is not to be found.
+    """
+    placed = [_begin(readings, known, start, settings, share)]
+    own = OwnPosition(placed[0].anchor)
+    matcher = Matcher(known.landmarks, known.curves, settings)
+    matches: list[Match] = []
+    junctions = JunctionWatch(known)
+    missed = 0
+    for number, reading in enumerate(readings):
+        for match in matcher.step(reading, None if junctions.undecided else own.anchor):
+            matches.append(match)
+            own.take(match, reading)
+            missed = 0 if match.accepted else missed + (match.kind in NOT_THERE)
+        choice = junctions.step(matcher.newest, own.anchor) if matcher.newest else None
+        if choice is not None and choice.decided is not None:
+            own.anchor = replace(own.anchor, branch=choice.decided)
+            placed.append(PlacedFrom(reading.t_s, own.anchor, choice.reason))
+        if missed >= LOST_AFTER:
+            missed = 0
+            found = _found_anew(readings[number:], known, settings, share)
+            if found is not None:
+                placed.append(found)
+                own = OwnPosition(found.anchor)
+                junctions = JunctionWatch(known)
+    return RunMatches(tuple(matches), tuple(placed), tuple(matcher.watch.moved))
+
+
+def _begin(
+    readings: Sequence[Reading], known: LineLandmarks, start: Start | None, settings: MatchSettings, share: float
+) -> PlacedFrom:
+    if not readings:
+        msg = "the run has no odometry"
+        raise PlaceError(msg)
+    first = readings[0]
+    if start is not None:
+        u_m = direction_sign(start.direction) * start.axis_m
+        anchor = Anchor(
+            start.branch, start.direction, u_m, first.distance_m, start.bound_m, start.bound_m, first.excess_m, share
+        )
+        return PlacedFrom(first.t_s, anchor, "as given")
+    found = find_place(known.routes, samples_of(readings, settings))
+    if found.probability < CERTAIN:
+        msg = (
+            f"the curvature does not tell where the run is on line {known.line} (best guess "
+            f"{100.0 * found.probability:.0f} %): say where it begins"
+        )
+        raise PlaceError(msg)
+    return PlacedFrom(first.t_s, _anchor_of(found, first.excess_m, share), "found by the curvature")
+
+
+def _found_anew(
+    readings: Sequence[Reading], known: LineLandmarks, settings: MatchSettings, share: float
+) -> PlacedFrom | None:
+    samples = samples_of(readings, settings)
+    if not samples:
+        return None
+    found = find_place(known.routes, samples)
+    if found.probability < CERTAIN:
+        return None
+    return PlacedFrom(readings[0].t_s, _anchor_of(found, readings[0].excess_m, share), "lost, found by the curvature")
+
+
+def _anchor_of(found: Found, excess_m: float, share: float) -> Anchor:
+    return Anchor(found.branch, found.direction, found.u_m, found.distance_m, NEAR_M, NEAR_M, excess_m, share)
