@@ -52,6 +52,10 @@ class Curve(msgspec.Struct, frozen=True, kw_only=True):
     cant_mm: Annotated[float, Meta(ge=0.0, le=300.0)] = 0.0
     high_rail: Side | None = None
     """Absent: the outer rail."""
+    radius_sigma_m: Length | None = None
+    """Standard deviation of the radius, where it was fitted; absent: as designed."""
+    place_sigma_m: Length | None = None
+    """The same of the places at which its transitions are half done."""
 
 
 class Gradient(msgspec.Struct, frozen=True, kw_only=True):

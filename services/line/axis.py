@@ -13,7 +13,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from services.numerics.geodesy import ecef_from_geodetic, enu_about
+from services.numerics.geodesy import (
+    WGS84_A_M,
+    ecef_from_geodetic,
+    enu_about,
+    enu_from_ecef_rotation,
+    geodetic_from_ecef,
+)
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +28,7 @@ SHORTEST_SEGMENT_M: Final = 1e-3
 """Vertices closer than this are one: a direction cannot be told from them."""
 LONGEST_SEGMENT_M: Final = 20_000.0
 """No railway is surveyed with vertices further apart; a coordinate is wrong."""
+PLANE_ROUNDS: Final = 6
 TANGENT_REACH_M: Final = 4.0
 """Directions are taken over twice this, so that the corners of a polyline do not show."""
 
@@ -104,3 +111,18 @@ def axis_of(lat_deg: ArrayLike, lon_deg: ArrayLike, h_m: ArrayLike) -> Axis:
     reference = (float(lat[0]), float(lon[0]), float(height[0]))
     plane = np.ascontiguousarray(enu_about(reference, lat[vertex], lon[vertex], height[vertex])[:, :2])
     return Axis(axis_m, points, plane, reference, vertex)
+
+
+def places_of_plane(reference_deg: tuple[float, float, float], plane_m: Floats) -> tuple[Floats, Floats]:
+    """Latitudes and longitudes [deg] of points (n, 2) of the plane tangent at a reference, on the ellipsoid itself.
+
+    Undoes `enu_about` of places of height 0, to below 1e-6 m within 200 km.
+    """
+    lat0_rad, lon0_rad = np.radians(reference_deg[:2])
+    origin = np.array(ecef_from_geodetic(lat0_rad, lon0_rad, reference_deg[2]))
+    rotation = enu_from_ecef_rotation(float(lat0_rad), float(lon0_rad))
+    up_m = -reference_deg[2] - (plane_m**2).sum(axis=1) / (2.0 * WGS84_A_M)
+    for _ in range(PLANE_ROUNDS):
+        lat, lon, height = geodetic_from_ecef(*(origin + np.column_stack([plane_m, up_m]) @ rotation).T)
+        up_m = up_m - height
+    return np.degrees(lat), np.degrees(lon)

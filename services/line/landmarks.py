@@ -92,6 +92,6 @@ def _landmark(
         exit_lower_limit_m=passed[3],
         exit_straight_start_m=passed[4],
         exit_straight_end_m=passed[5],
-        accuracy_m=accuracy_m,
+        accuracy_m=max(accuracy_m, round(3.0 * (curve.place_sigma_m or 0.0), 1)),
         lower_share=lower_share,
     )
