@@ -113,9 +113,7 @@ class Matcher:
             self.watch.restart()
         self._reset_route(route)
 
-    def _judged(
-        self, route: Route, tracker: CurveTracker, found: Diagnosed, anchor: Anchor, sample: Sample
-    ) -> Match:
+    def _judged(self, route: Route, tracker: CurveTracker, found: Diagnosed, anchor: Anchor, sample: Sample) -> Match:
         """The verdict after the checks that know of other landmarks: twins and moved ones."""
         verdict, passage, landmark = found.verdict, found.passage, tracker.landmark
         if verdict.kind == "accepted" and passage is not None and verdict.measured is not None:
