@@ -209,27 +209,31 @@ class PositionEvent(Message, frozen=True, kw_only=True):
     chainage_m: float | None = None
 
 
+FaultKind = Literal[
+    "slide",
+    "spin",
+    "micro_slip",
+    "gnss_lost",
+    "gyro_bias",
+    "accelerometer_bias",
+    "imu_frozen",
+    "imu_lost",
+    "imu_saturated",
+    "imu_axes_swapped",
+    "imu_late",
+    "tacho_stuck",
+    "tacho_lost",
+    "tacho_missing_teeth",
+    "tacho_reset",
+    "tacho_late",
+]
+"""What can go wrong with a simulated train and its sensors."""
+
+
 class SimulatorFault(Message, frozen=True, kw_only=True):
     """A fault to be switched on or off in a simulated train."""
 
-    kind: Literal[
-        "slide",
-        "spin",
-        "micro_slip",
-        "gnss_lost",
-        "gyro_bias",
-        "accelerometer_bias",
-        "imu_frozen",
-        "imu_lost",
-        "imu_saturated",
-        "imu_axes_swapped",
-        "imu_late",
-        "tacho_stuck",
-        "tacho_lost",
-        "tacho_missing_teeth",
-        "tacho_reset",
-        "tacho_late",
-    ]
+    kind: FaultKind
     active: bool = True
     magnitude: float | None = None
     """By kind: m/s of the wheel against the train (`slide`, `spin`), share of speed (`micro_slip`), rad/s, m/s²,

@@ -38,6 +38,12 @@ class LocalPlane:
         lowered[..., 2] -= (lowered[..., 0] ** 2 + lowered[..., 1] ** 2) / (2 * self._radius_m)
         return np.asarray(self._origin_m + lowered @ self.enu_from_ecef)
 
+    def xyz(self, position_ecef_m: Floats) -> Floats:
+        """Points of the plane (..., 3) for Earth-fixed positions (..., 3)."""
+        points = (np.asarray(position_ecef_m) - self._origin_m) @ self.enu_from_ecef.T
+        points[..., 2] += (points[..., 0] ** 2 + points[..., 1] ** 2) / (2 * self._radius_m)
+        return np.asarray(points)
+
     def ecef_velocity(self, xyz_m: Floats, velocity_mps: Floats) -> Floats:
         """Earth-fixed velocity (3,) of a point of the plane (3,) that moves in it (3,)."""
         bent = np.array(velocity_mps)

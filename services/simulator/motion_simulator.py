@@ -93,6 +93,11 @@ class MotionSimulator:
         """Whether the train has reached its last stop and stays there."""
         return not self._turns_back and int(self._state["has_stop"][0]) == 0 and float(self._state["speed_mps"][0]) == 0
 
+    @property
+    def way_left_m(self) -> float:
+        """Way to the last stop of this trip."""
+        return float(self._run.stops_m[-1] - self._state["way_m"][0])
+
     def advance(self, count: int, command: Command = NO_COMMAND) -> MotionSamples:
         """Next `count` samples."""
         noise = self._generator.standard_normal((count, NOISES))

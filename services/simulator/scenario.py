@@ -183,7 +183,7 @@ def scenario_from_toml(text: str) -> Scenario:
     except msgspec.DecodeError as error:
         msg = f"not TOML: {error}"
         raise ScenarioError(msg) from error
-    _require_finite(msgspec.to_builtins(scenario), "$")
+    require_finite(msgspec.to_builtins(scenario), "$")
     _require_line(scenario)
     for i, row in enumerate(scenario.scene.rows):
         _require_row(row, f"$.scene.rows[{i}]")
@@ -204,15 +204,16 @@ def _refuse(what: str, path: str) -> NoReturn:
     raise ScenarioError(msg)
 
 
-def _require_finite(value: object, path: str) -> None:
+def require_finite(value: object, path: str) -> None:
+    """Refuse a number that is not finite, anywhere in builtins; ScenarioError names its path."""
     if isinstance(value, float) and not isfinite(value):
         _refuse("a finite number is wanted", path)
     if isinstance(value, dict):
         for name, inner in value.items():
-            _require_finite(inner, f"{path}.{name}")
+            require_finite(inner, f"{path}.{name}")
     if isinstance(value, list | tuple):
         for i, inner in enumerate(value):
-            _require_finite(inner, f"{path}[{i}]")
+            require_finite(inner, f"{path}[{i}]")
 
 
 def _require_line(scenario: Scenario) -> None:

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from schemas.line import Line
+from services.line.alignment import Alignment, alignment_of
+from services.line.line_file import load_line
 from services.simulator.scenario import Scenario, ScenarioError, scenario_from_toml
+from services.simulator.train_scenario import TrainScenario, is_train_scenario, train_scenario_from_toml
 
 _FOLDER = resources.files("services.simulator") / "scenarios"
 LARGEST_BYTES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedRoute:
+    """A line, and the way of a train along it."""
+
+    line: Line
+    alignment: Alignment
 
 
 def embedded_scenarios() -> tuple[str, ...]:
@@ -19,6 +32,15 @@ def embedded_scenarios() -> tuple[str, ...]:
 
 
 def read_scenario(name_or_path: str) -> Scenario:
+    """Scenario of a receiver alone; see `read_any_scenario`. Raises ScenarioError, also for a scenario of a train."""
+    found = read_any_scenario(name_or_path)
+    if isinstance(found, TrainScenario):
+        msg = f"{name_or_path}: the scenario of a whole train, not of a receiver alone"
+        raise ScenarioError(msg)
+    return found
+
+
+def read_any_scenario(name_or_path: str) -> Scenario | TrainScenario:
     """Scenario by an embedded one's name, or from a TOML file (whatever has a slash or ends in .toml).
 
     Raises ScenarioError that names the file, and the field that is wrong.
@@ -33,10 +55,27 @@ def read_scenario(name_or_path: str) -> Scenario:
         if len(octets) > LARGEST_BYTES:
             msg = f"{len(octets)} bytes, more than {LARGEST_BYTES}"
             raise ScenarioError(msg)
-        return scenario_from_toml(octets.decode("utf-8"))
+        text = octets.decode("utf-8")
+        return train_scenario_from_toml(text) if is_train_scenario(text) else scenario_from_toml(text)
     except OSError as error:
         msg = f"{name_or_path}: cannot read: {error.strerror}"
         raise ScenarioError(msg) from error
     except ValueError as error:
         msg = f"{name_or_path}: {error}"
+        raise ScenarioError(msg) from error
+
+
+def alignment_for(scenario: TrainScenario) -> LoadedRoute | None:
+    """Line and route of a train's scenario; None on a track drawn at random. Raises ScenarioError."""
+    if scenario.line is None:
+        return None
+    try:
+        line = load_line(Path(scenario.line)).line
+        return LoadedRoute(line, alignment_of(line, scenario.journey.branch))
+    except OSError as error:
+        msg = f"{scenario.line}: cannot read: {error.strerror}"
+        raise ScenarioError(msg) from error
+    except (ValueError, KeyError) as error:
+        words = error.args[0] if isinstance(error, KeyError) else error
+        msg = f"line {scenario.line}: {words}"
         raise ScenarioError(msg) from error

@@ -1,22 +1,41 @@
-"""The simulated train on the bus: a receiver's epochs, broadcast ephemerides, and the truth, for ever."""
+"""The simulated train on the bus: sensors, epochs, broadcast ephemerides, balises, and the truth, for ever."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import asyncio
+from typing import Annotated, Final
 
 import msgspec
 import numpy as np
 from msgspec import Meta
 
+from schemas.gnss import Ephemeris, Ionosphere
 from schemas.gnss_time import NS, WEEK_S, gps_from_unix_ns
-from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, TRAIN_TRUTH
+from schemas.position import FaultKind
+from schemas.topics import (
+    BALISE,
+    GNSS_EPHEMERIS,
+    GNSS_EPOCH,
+    GNSS_IONOSPHERE,
+    IMU,
+    MOTION_TRUTH,
+    SIMULATOR_FAULT,
+    TACHO,
+    TRAIN_CHANGE,
+    TRAIN_TRUTH,
+)
 from services.runtime.node import Node, Service
 from services.simulator.constellation import reference_time
-from services.simulator.scenario_file import read_scenario
-from services.simulator.simulation import Simulation
+from services.simulator.scenario import Scenario
+from services.simulator.scenario_file import alignment_for, read_any_scenario
+from services.simulator.simulation import Simulation, utc_ns
+from services.simulator.train_messages import TrainMessages
+from services.simulator.train_scenario import TrainScenario
+from services.simulator.train_simulation import TICK_NS, Tick, TrainSimulation
 
-LATEST_S = 1.0
+LATEST_S: Final = 1.0
 """Epochs that could not be made in time (the host slept) are left out once they are later than this."""
+DeviceName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")]
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -24,47 +43,148 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     scenario: str = "street_canyon"
     """Name of a scenario that comes with Kirotei, or path of a TOML file."""
-    device: Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")] = "front"
+    device: DeviceName = "front"
     """The receiver's name in its keys."""
+    imu_device: DeviceName = "imu"
+    """The inertial sensor's."""
+    tacho_device: DeviceName = "axle1"
+    """The measured axle's."""
+    balise_device: DeviceName = "reader"
+    """The balise reader's."""
     speed: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
     """Simulated seconds per second. Other than 1 the epochs' times move away from now."""
     seed: Annotated[int, Meta(ge=0)] | None = None
     """Seed of everything drawn; absent: the scenario's own."""
+    under_way_s: Annotated[float, Meta(ge=0.0, le=86_400.0)] = 0.0
+    """How long a whole train has been running when it is first heard: trains of a fleet follow each other."""
 
 
 async def run(node: Node, config: Config) -> None:
     """Publish until stopped: GPS time is the calendar's at the start and runs on by itself from there."""
-    scenario = await node.in_thread(lambda: read_scenario(config.scenario))
+    scenario = await node.in_thread(lambda: read_any_scenario(config.scenario))
     seed = scenario.seed if config.seed is None else config.seed
+    if isinstance(scenario, TrainScenario):
+        await _run_train(node, config, scenario, seed)
+    else:
+        await _run_receiver(node, config, scenario, seed)
 
+
+class _Pace:
+    """When simulated instants are due."""
+
+    def __init__(self, node: Node, speed: float) -> None:
+        self._node, self._speed = node, speed
+        self.origin_ns, self._origin_s = _gps_now_ns(node), node.clock.monotonic_s()
+
+    def ahead_s(self, gps_ns: int) -> float:
+        """How long until an instant is due; negative when it is late."""
+        passed_ns = round((self._node.clock.monotonic_s() - self._origin_s) * self._speed * NS)
+        return (gps_ns - self.origin_ns - passed_ns) / NS / self._speed
+
+
+async def _run_receiver(node: Node, config: Config, scenario: Scenario, seed: int) -> None:
     def begin(gps_ns: int) -> Simulation:
         return Simulation(scenario, gps_ns, np.random.default_rng(seed))
 
     # A first step beforehand: what has to be compiled is compiled before time starts to count.
     await node.in_thread(begin(_gps_now_ns(node)).step)
-    origin_ns, origin_s = _gps_now_ns(node), node.clock.monotonic_s()
+    pace = _Pace(node, config.speed)
     interval_ns = round(scenario.receiver.interval_s * NS)
-    simulation = begin(-(-origin_ns // interval_ns) * interval_ns)
+    simulation = begin(-(-pace.origin_ns // interval_ns) * interval_ns)
     node.ready()
-
-    def ahead_s() -> float:
-        """How long until the next epoch is due; negative when it is late."""
-        passed_ns = round((node.clock.monotonic_s() - origin_s) * config.speed * NS)
-        return (simulation.next_gps_ns - origin_ns - passed_ns) / NS / config.speed
-
     reference_ns: int | None = None
-    while await node.sleep(max(ahead_s(), 0.0)):
-        late_s = -ahead_s()
+    while await node.sleep(max(pace.ahead_s(simulation.next_gps_ns), 0.0)):
+        late_s = -pace.ahead_s(simulation.next_gps_ns)
         if late_s > LATEST_S:
             now_ns = simulation.next_gps_ns + round(late_s * config.speed * NS)
             node.health.count("epochs_skipped", simulation.skip_until(now_ns))
             continue
         if reference_time(simulation.next_gps_ns) != reference_ns:
             reference_ns = reference_time(simulation.next_gps_ns)
-            await _broadcast(node, config, simulation)
+            await _broadcast(node, config, simulation.ionosphere(), simulation.ephemerides())
         instant = simulation.step()
         await node.publish(GNSS_EPOCH, instant.epoch, device=config.device)
         await node.publish(TRAIN_TRUTH, instant.truth, device=config.device)
+
+
+async def _run_train(node: Node, config: Config, scenario: TrainScenario, seed: int) -> None:
+    loaded = await node.in_thread(lambda: alignment_for(scenario))
+    alignment = loaded.alignment if loaded else None
+
+    def begin(gps_ns: int) -> TrainSimulation:
+        return TrainSimulation(scenario, alignment, gps_ns, np.random.default_rng(seed))
+
+    # As above; two ticks hold every kind of step, and an epoch.
+    await node.in_thread(lambda: begin(_gps_now_ns(node) // (2 * TICK_NS) * 2 * TICK_NS).warm_up())
+    ahead = round(config.under_way_s * NS / TICK_NS)
+    interval_ns = round(scenario.receiver.interval_s * NS)
+    start_ns = -(-_gps_now_ns(node) // interval_ns) * interval_ns - ahead * TICK_NS
+    simulation = begin(start_ns)
+    await node.in_thread(lambda: simulation.skip(ahead))
+    pace = _Pace(node, config.speed)
+    async with asyncio.TaskGroup() as group:
+        listening = group.create_task(_listen(node, simulation))
+        node.ready()
+        await _publish_ticks(node, config, simulation, pace)
+        listening.cancel()
+
+
+async def _publish_ticks(node: Node, config: Config, simulation: TrainSimulation, pace: _Pace) -> None:
+    messages = TrainMessages(simulation.scenario.motion)
+    reference_ns: int | None = None
+    known: set[FaultKind] = set()
+    while await node.sleep(max(pace.ahead_s(simulation.next_gps_ns), 0.0)):
+        late_s = -pace.ahead_s(simulation.next_gps_ns)
+        if late_s > LATEST_S:
+            missed = int(late_s * config.speed * NS / TICK_NS)
+            await node.in_thread(lambda count=missed: simulation.skip(count))  # type: ignore[misc]  # a lambda's default has no annotation
+            node.health.count("ticks_skipped", missed)
+            continue
+        receiver = simulation.receiver
+        if receiver is not None and reference_time(simulation.next_gps_ns) != reference_ns:
+            reference_ns = reference_time(simulation.next_gps_ns)
+            now_ns = simulation.next_gps_ns
+            await _broadcast(node, config, receiver.sky.ionosphere(now_ns), receiver.sky.ephemerides(now_ns))
+        tick = simulation.step()
+        _show(node, known, tick)
+        known = set(tick.faults)
+        await _publish_tick(node, config, tick, messages)
+
+
+def _show(node: Node, known: set[FaultKind], tick: Tick) -> None:
+    """Let health say which faults are on."""
+    for kind in known - set(tick.faults):
+        node.health.clear(f"fault_{kind}")
+    for kind in set(tick.faults) - known:
+        node.health.set(f"fault_{kind}", f"{kind} is switched on in the simulated train")
+
+
+async def _publish_tick(node: Node, config: Config, tick: Tick, messages: TrainMessages) -> None:
+    t_ns = utc_ns(tick.gps_ns)
+    if (imu := messages.imu(tick.sensors, t_ns)) is not None:
+        await node.publish(IMU, imu, device=config.imu_device)
+    if (tacho := messages.tacho(tick.sensors, t_ns)) is not None:
+        await node.publish(TACHO, tacho, device=config.tacho_device)
+    for change in tick.changes:
+        await node.publish(TRAIN_CHANGE, change)
+    for balise in tick.balises:
+        await node.publish(BALISE, balise, device=config.balise_device)
+    if tick.truth is not None:
+        await node.publish(MOTION_TRUTH, tick.truth)
+    if tick.instant is not None:
+        await node.publish(GNSS_EPOCH, tick.instant.epoch, device=config.device)
+        await node.publish(TRAIN_TRUTH, tick.instant.truth, device=config.device)
+
+
+async def _listen(node: Node, simulation: TrainSimulation) -> None:
+    """Switch faults as people ask for them."""
+    async for fault in node.messages(SIMULATOR_FAULT):
+        if fault.active:
+            simulation.faults.switch(
+                fault.kind, now_s=simulation.now_s, magnitude=fault.magnitude, seconds=fault.duration_s
+            )
+        else:
+            simulation.faults.clear(fault.kind)
 
 
 def _gps_now_ns(node: Node) -> int:
@@ -73,18 +193,28 @@ def _gps_now_ns(node: Node) -> int:
     return week * WEEK_S * NS + round(tow_s * NS)
 
 
-async def _broadcast(node: Node, config: Config, simulation: Simulation) -> None:
+async def _broadcast(node: Node, config: Config, ionosphere: Ionosphere, ephemerides: tuple[Ephemeris, ...]) -> None:
     """Publish what the satellites broadcast now."""
-    await node.publish(GNSS_IONOSPHERE, simulation.ionosphere(), device=config.device)
-    for ephemeris in simulation.ephemerides():
+    await node.publish(GNSS_IONOSPHERE, ionosphere, device=config.device)
+    for ephemeris in ephemerides:
         await node.publish(GNSS_EPHEMERIS, ephemeris, device=config.device, satellite=ephemeris.satellite)
 
 
 SERVICE = Service(
     "simulator",
     Config,
-    reads=(),
-    writes=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE, TRAIN_TRUTH),
+    reads=(SIMULATOR_FAULT,),
+    writes=(
+        GNSS_EPOCH,
+        GNSS_EPHEMERIS,
+        GNSS_IONOSPHERE,
+        TRAIN_TRUTH,
+        IMU,
+        TACHO,
+        BALISE,
+        TRAIN_CHANGE,
+        MOTION_TRUTH,
+    ),
     run=run,
-    about="a train on a line with a simulated receiver among buildings, and where it really is",
+    about="a train on a line with simulated sensors, and where it really is",
 )

@@ -121,7 +121,7 @@ class Simulation:
         self._next += 1
         names = self.sky.satellites
         return Instant(
-            epoch=_epoch(tag_ns, names, measured),
+            epoch=epoch_of(tag_ns, names, measured),
             truth=truth,
             code_error_m=measured.code_error_m,
             visible=tuple(names[i] for i in satellite),
@@ -138,7 +138,7 @@ class Simulation:
         velocity = motion.speed_mps * np.array([np.cos(heading), np.sin(heading), 0.0])
         lat_deg, lon_deg, h_m = self.plane.geodetic_deg(place)
         truth = TrainTruth(
-            t_ns=_utc_ns(tag_ns),
+            t_ns=utc_ns(tag_ns),
             lat_deg=float(lat_deg),
             lon_deg=float(lon_deg),
             h_m=float(h_m),
@@ -152,16 +152,18 @@ class Simulation:
         return place, velocity, truth
 
 
-def _utc_ns(gps_ns: int) -> int:
+def utc_ns(gps_ns: int) -> int:
+    """UTC [ns] in Unix time of a GPS time [ns] since the GPS epoch."""
     week, rest_ns = divmod(gps_ns, WEEK_S * NS)
     return unix_ns_from_gps(week, rest_ns / NS)
 
 
-def _epoch(tag_ns: int, names: tuple[str, ...], measured: Measured) -> Epoch:
+def epoch_of(tag_ns: int, names: tuple[str, ...], measured: Measured) -> Epoch:
+    """Message of what was measured at the tag."""
     week, rest_ns = divmod(tag_ns, WEEK_S * NS)
     satellites = tuple(names[i] for i in measured.satellite)
     return Epoch(
-        t_ns=_utc_ns(tag_ns),
+        t_ns=utc_ns(tag_ns),
         gps_week=week,
         tow_s=rest_ns / NS,
         satellites=satellites,

@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schemas.gnss import Ephemeris, Epoch
 from schemas.gnss_time import NS, WEEK_S
@@ -18,7 +19,9 @@ from services.gnss_receiver.rinex_observation_file import write_observations
 from services.gnss_receiver.rinex_observation_text import RecordingHeader
 from services.simulator.scenario import Scenario
 from services.simulator.simulation import Instant, Simulation
+from services.simulator.sky import VisibleSky
 
+Floats = NDArray[np.float64]
 FILES = (
     "rover.obs",
     "nav.rnx",
@@ -32,6 +35,7 @@ CENTRELINE_STEP_M = 2.0
 REPORT_EVERY = 50
 """Epochs between two reports of progress."""
 Rows = Iterable[Sequence[object]]
+PLACE = ("lat_deg", "lon_deg", "h_ell_m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +69,8 @@ def write_simulation(
     simulation = Simulation(scenario, start_ns, generator)
     wanted_s = simulation.run.period_s if duration_s is None else duration_s
     count = int(wanted_s / scenario.receiver.interval_s) + 1
-    navigation = _navigation(simulation, count)
+    interval_ns = round(scenario.receiver.interval_s * NS)
+    navigation = navigation_over(simulation.sky, start_ns, start_ns + (count - 1) * interval_ns)
     instants: list[Instant] = []
     for i in range(count):
         instants.append(simulation.step())
@@ -88,35 +93,45 @@ def write_simulation(
     )
 
 
-def _navigation(simulation: Simulation, count: int) -> Navigation:
-    """Every ephemeris that is broadcast while `count` epochs pass, in order of reference time."""
-    interval_ns = round(simulation.scenario.receiver.interval_s * NS)
+def navigation_over(sky: VisibleSky, start_ns: int, end_ns: int) -> Navigation:
+    """Every ephemeris that is broadcast between two GPS times [ns], in order of reference time."""
     broadcast: dict[tuple[int, float, str], Ephemeris] = {}
-    for i in range(0, count, max(60 * NS // interval_ns, 1)):
-        for ephemeris in simulation.sky.ephemerides(simulation.next_gps_ns + i * interval_ns):
+    for at_ns in range(start_ns, end_ns + 1, 60 * NS):
+        for ephemeris in sky.ephemerides(at_ns):
             broadcast[ephemeris.gps_week, ephemeris.toe_s, ephemeris.satellite] = ephemeris
-    return Navigation(ephemerides=tuple(broadcast.values()), ionosphere=simulation.ionosphere())
+    return Navigation(ephemerides=tuple(broadcast.values()), ionosphere=sky.ionosphere(start_ns))
 
 
 def _write_all(folder: Path, simulation: Simulation, instants: Sequence[Instant], navigation: Navigation) -> None:
     scenario = simulation.scenario
     x, y, z = simulation.plane.ecef(np.zeros(3)).tolist()
-    header = RecordingHeader(
-        marker=scenario.line.id,
+    header = recording_header(scenario.line.id, scenario.name, (x, y, z), scenario.receiver.interval_s)
+    write_recording(folder, instants, navigation, header)
+    write_csv(folder / "track_centreline.csv", ("chainage_m", *PLACE), _centreline_rows(simulation))
+    write_csv(folder / "stations.csv", ("name", "chainage_m", *PLACE), _station_rows(simulation))
+
+
+def recording_header(
+    marker: str, scenario: str, position_m: tuple[float, float, float], interval_s: float
+) -> RecordingHeader:
+    """What a simulated observation file says of itself."""
+    return RecordingHeader(
+        marker=marker,
         observer="kirotei simulate",
         receiver="simulated",
         antenna="simulated",
-        approximate_position_m=(x, y, z),
-        interval_s=scenario.receiver.interval_s,
-        comments=(f"simulated, scenario {scenario.name}",),
+        approximate_position_m=position_m,
+        interval_s=interval_s,
+        comments=(f"simulated, scenario {scenario}",),
     )
+
+
+def write_recording(folder: Path, instants: Sequence[Instant], navigation: Navigation, header: RecordingHeader) -> None:
+    """Write what the receiver measured, what was broadcast, where the antenna was, and how wrong pseudoranges are."""
     write_observations(folder / "rover.obs", [instant.epoch for instant in instants], header)
     write_navigation(folder / "nav.rnx", navigation)
-    place = ("lat_deg", "lon_deg", "h_ell_m")
-    _write_csv(folder / "truth.csv", ("gps_week", "tow_s", *place), map(_truth_row, instants))
-    _write_csv(folder / "track_centreline.csv", ("chainage_m", *place), _centreline_rows(simulation))
-    _write_csv(folder / "stations.csv", ("name", "chainage_m", *place), _station_rows(simulation))
-    _write_csv(
+    write_csv(folder / "truth.csv", ("gps_week", "tow_s", *PLACE), map(_truth_row, instants))
+    write_csv(
         folder / "pseudorange_error.csv",
         ("gps_week", "tow_s", "satellite", "error_m"),
         (row for instant in instants for row in _error_rows(instant)),
@@ -150,15 +165,20 @@ def _station_rows(simulation: Simulation) -> Rows:
     return ((s.name, f"{s.axis_m:.2f}", *place) for s, place in zip(stations, places, strict=True))
 
 
-def _places(simulation: Simulation, axis_m: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[tuple[str, str, str]]:
+def _places(simulation: Simulation, axis_m: Floats) -> list[tuple[str, str, str]]:
     """Latitude, longitude and ellipsoidal height of the rail, as they stand in files."""
     axis = simulation.axis.at(axis_m)
     points = np.stack([axis.x_m, axis.y_m, np.zeros_like(axis.x_m)], axis=1)
-    columns = simulation.plane.geodetic_deg(points)
-    return [(f"{lat:.10f}", f"{lon:.10f}", f"{h:.4f}") for lat, lon, h in zip(*columns, strict=True)]
+    return place_words(*simulation.plane.geodetic_deg(points))
 
 
-def _write_csv(path: Path, header: Sequence[str], rows: Rows) -> None:
+def place_words(lat_deg: Floats, lon_deg: Floats, h_m: Floats) -> list[tuple[str, str, str]]:
+    """Places as they stand in files."""
+    return [(f"{lat:.10f}", f"{lon:.10f}", f"{h:.4f}") for lat, lon, h in zip(lat_deg, lon_deg, h_m, strict=True)]
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Rows) -> None:
+    """Write a table."""
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)

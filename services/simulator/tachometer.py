@@ -22,18 +22,30 @@ class Tachometer:
         """True diameter."""
         self._tacho, self._teeth = tacho, vehicle.teeth
         self._phase = float(generator.uniform())
+        self._there = max(self._teeth - tacho.missing_teeth, 1)
+        self._offset = self._tooth = 0
 
-    def counts(self, rim_way_m: Floats) -> Counts:
+    def counts(self, rim_way_m: Floats, more_missing: int = 0) -> Counts:
         """Counts since the start at ways of the rim since the start (n,), falling when it turns backwards.
 
-        Of a wheel with teeth missing, side by side, these pass uncounted. A narrow counter wraps.
+        Of a wheel with teeth missing, side by side, these pass uncounted; `more_missing` adds to them
+        from now on. A narrow counter wraps.
         """
+        there = max(self._teeth - self._tacho.missing_teeth - more_missing, 1)
+        if there != self._there:
+            self._offset += self._passed(self._tooth, self._there) - self._passed(self._tooth, there)
+            self._there = there
         way_m = rim_way_m if self._tacho.tells_direction else np.abs(rim_way_m)
         teeth = np.floor(way_m / (np.pi * self.diameter_m) * self._teeth + self._phase).astype(np.int64)
-        there = max(self._teeth - self._tacho.missing_teeth, 1)
-        counted = teeth // self._teeth * there + np.minimum(teeth % self._teeth, there)
-        return self.wrapped(counted)
+        if len(teeth):
+            self._tooth = int(teeth[-1])
+        counted = teeth // self._teeth * there + np.minimum(teeth % self._teeth, there) + self._offset
+        return counted % (1 << self._tacho.counter_bits) if self._tacho.counter_bits else counted
 
-    def wrapped(self, counts: Counts) -> Counts:
-        """Counts as a counter of the settings' width holds them."""
-        return counts % (1 << self._tacho.counter_bits) if self._tacho.counter_bits else counts
+    def reset(self) -> None:
+        """Begin anew from 0."""
+        self._offset = -self._passed(self._tooth, self._there)
+
+    def _passed(self, tooth: int, there: int) -> int:
+        """Teeth counted up to a place on the wheel, `there` of a revolution's being there."""
+        return tooth // self._teeth * there + min(tooth % self._teeth, there)

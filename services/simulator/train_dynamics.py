@@ -41,7 +41,7 @@ def draw_leg(state: Any, ranges: Floats, uniform: Floats) -> None:  # noqa: ANN4
 
 @kernel
 def stopping_brake(speed_mps: float, needed_mps2: float, service_mps2: float) -> float:
-    """Brake effort towards a stop: in notches, and fine at low speed, for what they leave over shows as a wrong stop."""
+    """Brake effort towards a stop: in notches, and fine at low speed, for notches end in a wrong place."""
     if speed_mps <= CREEP_MPS:
         return 0.35
     if speed_mps < FINE_MPS:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from services.simulator.scenario import Scenario, ScenarioError, axis_of, scenario_from_toml
-from services.simulator.scenario_file import embedded_scenarios, read_scenario
+from services.simulator.scenario_file import embedded_scenarios, read_any_scenario, read_scenario
 from services.simulator.street_scene import draw_boxes, place_name
 
 MINIMAL = """
@@ -27,7 +27,7 @@ stations = [{ name = "A", axis_m = 0.0 }, { name = "B", axis_m = 900.0 }]
 def test_everything_that_comes_with_kirotei_can_be_read() -> None:
     assert "street_canyon" in embedded_scenarios()
     for name in embedded_scenarios():
-        assert read_scenario(name).name == name
+        assert read_any_scenario(name).name == name
 
 
 def test_what_is_left_out_has_a_default() -> None:

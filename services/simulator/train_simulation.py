@@ -1,0 +1,187 @@
+"""One simulated train, a tenth of a second at a time: what its sensors send, and where it really is.
+
+The same scenario, seed and start give the same messages, in files and live.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.gnss_time import NS
+from schemas.position import BalisePassage, FaultKind, MotionTruth, TrainChange
+from services.line.alignment import Alignment
+from services.simulator.fault_board import FaultBoard, command_of
+from services.simulator.line_receiver import LineReceiver
+from services.simulator.motion_simulator import MotionSamples, MotionSimulator
+from services.simulator.motion_state import STEP_S
+from services.simulator.random_track import TrackSettings, random_track
+from services.simulator.simulation import Instant, utc_ns
+from services.simulator.train_route import TrainRoute, route_of
+from services.simulator.train_scenario import TrainScenario
+from services.simulator.train_sensors import BLOCK, SensorBlock, TrainSensors
+
+Floats = NDArray[np.float64]
+
+TICK_NS = BLOCK * round(STEP_S * NS)
+BALISE_BOUND_M = 1.0
+"""Error of the moment of passing that a reader vouches for."""
+READER_SIGMA_M = 0.2
+"""Spread of the place where a reader sees a balise's centre."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tick:
+    """What happened within a tenth of a second."""
+
+    gps_ns: int
+    """Its end [ns since the GPS epoch]."""
+    sensors: SensorBlock
+    samples: MotionSamples
+    truth: MotionTruth | None
+    """None on a track that lies nowhere."""
+    instant: Instant | None
+    """An epoch of the receiver, when one is due."""
+    balises: tuple[BalisePassage, ...]
+    changes: tuple[TrainChange, ...]
+    faults: dict[FaultKind, float] = field(default_factory=dict)
+
+
+class TrainSimulation:
+    """An endless sequence of ticks."""
+
+    def __init__(
+        self, scenario: TrainScenario, alignment: Alignment | None, start_gps_ns: int, generator: np.random.Generator
+    ) -> None:
+        """Put the train at its start. `alignment` is that of the scenario's line and branch.
+
+        Raises RouteError for a journey that the line does not allow.
+        """
+        self.scenario = scenario
+        self.faults = FaultBoard(scenario.faults)
+        settings = scenario.motion
+        seeds = generator.spawn(4)
+        self.route: TrainRoute | None = None
+        if alignment is None:
+            track, start_m, places = random_track(scenario.track or TrackSettings(), seeds[0]), 0.0, {}
+        else:
+            self.route = route_of(alignment, scenario.journey)
+            track, start_m = self.route.track, self.route.start_m
+            wanted = [one.at_axis_m for one in scenario.adhesion.episodes if one.at_axis_m is not None]
+            places = {axis_m: self.route.way_of(axis_m) for axis_m in wanted}
+        self.motion = MotionSimulator(
+            track, settings, seeds[1], start_m=start_m, places=places, turns_back=scenario.journey.turns_back
+        )
+        self.sensors = TrainSensors(settings, seeds[2])
+        self._balise_generator = np.random.default_rng(seeds[2].integers(2**32))
+        self.receiver: LineReceiver | None = None
+        if scenario.gnss is not None and alignment is not None:
+            self.receiver = LineReceiver(scenario, scenario.gnss, alignment, seeds[3])
+        self._start_ns, self._ticks = start_gps_ns, 0
+        self._interval_ns = round(scenario.receiver.interval_s * NS)
+        self._reader_m: float | None = None
+        self._trip = 0
+
+    @property
+    def next_gps_ns(self) -> int:
+        """End of the next tick [ns since the GPS epoch]."""
+        return self._start_ns + (self._ticks + 1) * TICK_NS
+
+    @property
+    def now_s(self) -> float:
+        """Time since the start."""
+        return self._ticks * TICK_NS / NS
+
+    def warm_up(self) -> None:
+        """Take two ticks, which hold every kind of step: what has to be compiled is compiled then."""
+        self.step()
+        self.step()
+
+    def skip(self, count: int) -> None:
+        """Let `count` ticks pass unheard: the train runs on, the receiver measures nothing."""
+        for _ in range(count):
+            self.step(measured=False)
+
+    def step(self, *, measured: bool = True) -> Tick:
+        """Next tick; without an epoch unless it is to be `measured`."""
+        faults = self.faults.at(self.now_s)
+        samples = self.motion.advance(BLOCK, command_of(faults))
+        gps_ns = self.next_gps_ns
+        self._ticks += 1
+        sensors = self.sensors.block(samples, faults)
+        truth: MotionTruth | None = None
+        instant: Instant | None = None
+        balises: tuple[BalisePassage, ...] = ()
+        changes: tuple[TrainChange, ...] = ()
+        if self.route is not None:
+            truth = self._truth(gps_ns, samples)
+            changes = self._changes(gps_ns, samples)
+            balises = self._balises(gps_ns, samples)
+            if measured and self.receiver is not None and gps_ns % self._interval_ns == 0:
+                instant = self.receiver.epoch(
+                    gps_ns,
+                    truth.axis_m,
+                    truth.speed_mps,
+                    rises=self.route.rises(self._trip),
+                    received="gnss_lost" not in faults,
+                )
+        return Tick(gps_ns, sensors, samples, truth, instant, balises, changes, faults)
+
+    def _truth(self, gps_ns: int, samples: MotionSamples) -> MotionTruth:
+        route = self.route
+        assert route is not None  # noqa: S101 - only called on a line
+        axis_m = route.axis_of(float(samples.way_m[-1]), int(samples.trip[-1]))
+        alignment = route.alignment
+        slip = int(samples.slip[-1])
+        junction = alignment.junction_axis_m
+        return MotionTruth(
+            t_ns=utc_ns(gps_ns),
+            axis_m=axis_m,
+            branch=alignment.branch if junction is not None and axis_m > junction else "",
+            chainage_m=float(alignment.chainage.at(axis_m)),
+            distance_m=float(samples.distance_m[-1]),
+            speed_mps=float(samples.speed_mps[-1]),
+            acceleration_mps2=float(samples.acceleration_mps2[-1]),
+            slip=-1 if slip < 0 else 1 if slip > 0 else 0,
+            gradient_permille=float(alignment.gradient_permille(axis_m)),
+            curvature_per_m=float(alignment.curvature_per_m(axis_m)),
+        )
+
+    def _changes(self, gps_ns: int, samples: MotionSamples) -> tuple[TrainChange, ...]:
+        """The other cab leads from the sample on at which the train turned back."""
+        trip = int(samples.trip[-1])
+        if trip == self._trip:
+            return ()
+        self._trip, self._reader_m = trip, None
+        note = "the other end leads; its own sensors look forward"
+        return (TrainChange(t_ns=utc_ns(gps_ns), kind="cab", cab="B" if trip % 2 else "A", note=note),)
+
+    def _balises(self, gps_ns: int, samples: MotionSamples) -> tuple[BalisePassage, ...]:
+        """Balises that the reader has passed since the last tick, at the time of passing."""
+        route = self.route
+        assert route is not None  # noqa: S101 - only called on a line
+        behind_m = self.scenario.balise_reader_behind_front_m
+        before, reader = self._reader_m, samples.way_m - behind_m
+        self._reader_m = float(reader[-1])
+        if before is None:
+            return ()
+        ways, passed = np.concatenate([[before], reader]), []
+        for balise in route.alignment.balises:
+            place_m = balise.axis_m if route.rises(self._trip) else route.track.length_m - balise.axis_m
+            if not ways[0] < place_m <= ways[-1]:
+                continue
+            late_m = READER_SIGMA_M * float(np.clip(self._balise_generator.standard_normal(), -3.0, 3.0))
+            at = float(np.interp(place_m, ways, np.arange(len(ways))))
+            speed = max(float(samples.speed_mps[-1]), 0.1)
+            age_ns = round((len(ways) - 1 - at) * STEP_S * NS - late_m / speed * NS)
+            passed.append(
+                BalisePassage(
+                    t_ns=utc_ns(gps_ns) - max(age_ns, 0),
+                    balise=balise.id,
+                    sensor_offset_m=behind_m,
+                    detection_bound_m=BALISE_BOUND_M,
+                )
+            )
+        return tuple(passed)
