@@ -18,6 +18,8 @@ from services.landmark_matching.reading import Sample
 
 CERTAIN: Final = 0.9999
 """Probability at which a branch counts as decided; the wrong one then has less than 1e-4."""
+BEYOND_M: Final = 3000.0
+"""A choice that is not made by then is given up: the ways are alike."""
 LEAST_WAY_M: Final = 60.0
 """Way that must have been gone with the routes apart, however certain the curvature seems."""
 
@@ -58,7 +60,7 @@ class BranchChoice:
         branch, best = max(chances, key=lambda one: one[1])
         apart_m = self._walk.way_m - self._until_m
         decided = branch if best >= CERTAIN and apart_m >= LEAST_WAY_M else None
-        self.done = decided is not None
+        self.done = decided is not None or apart_m > BEYOND_M
         name = branch or "the main line"
         reason = f"curvature of {self._walk.way_m:.0f} m fits {name} with {100.0 * best:.2f} %"
         return Choice(self.junction_axis_m, chances, decided, reason)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 from services.landmark_matching.curvature_grid import CurvatureGrid
+from services.landmark_matching.curvature_route import Route
 from services.landmark_matching.reading import Sample
 
 STEP_M: Final = 10.0
@@ -36,3 +38,10 @@ class ProfileWalk:
         self._last = sample
         self.way_m += abs(way_m)
         return True
+
+
+def warm_up(routes: Sequence[Route]) -> None:
+    """Compile the kernels, or load them from their cache, before the first sample waits for them."""
+    grid = CurvatureGrid(routes)
+    grid.move(1.0)
+    grid.weigh(0.0, 1.0, 1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from schemas.line import Direction
 from services.landmark_matching.anchor import Anchor
@@ -15,7 +15,7 @@ from services.landmark_matching.matcher import Match, Matcher
 from services.landmark_matching.moved_landmark import Moved
 from services.landmark_matching.own_position import OwnPosition
 from services.landmark_matching.place_search import CERTAIN, NEAR_M, Found, find_place
-from services.landmark_matching.reading import Reading
+from services.landmark_matching.reading import Reading, Sample
 from services.landmark_matching.run_readings import samples_of
 from services.landmark_matching.settings import MatchSettings
 
@@ -48,6 +48,18 @@ class PlacedFrom:
     reason: str
 
 
+class TracePoint(NamedTuple):
+    """Curvature about one place, as the run believed to be there."""
+
+    t_s: float
+    branch: str
+    direction: Direction
+    axis_m: float
+    """Of the sensor."""
+    curvature_per_m: float
+    """NaN where it is not to be had; positive to the train's left."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunMatches:
     """What a run gave."""
@@ -55,6 +67,7 @@ class RunMatches:
     matches: tuple[Match, ...]
     placed: tuple[PlacedFrom, ...]
     moved: tuple[Moved, ...]
+    trace: tuple[TracePoint, ...]
 
 
 def match_run(
@@ -73,13 +86,18 @@ def match_run(
     matcher = Matcher(known.landmarks, known.curves, settings)
     matches: list[Match] = []
     junctions = JunctionWatch(known)
+    trace: list[TracePoint] = []
     missed = 0
     for number, reading in enumerate(readings):
         for match in matcher.step(reading, None if junctions.undecided else own.anchor):
             matches.append(match)
             own.take(match, reading)
             missed = 0 if match.accepted else missed + (match.kind in NOT_THERE)
-        choice = junctions.step(matcher.newest, own.anchor) if matcher.newest else None
+        sample = matcher.newest
+        if sample is None:
+            continue
+        trace.append(_trace(sample, own.anchor))
+        choice = junctions.step(sample, own.anchor)
         if choice is not None and choice.decided is not None:
             own.anchor = replace(own.anchor, branch=choice.decided)
             placed.append(PlacedFrom(reading.t_s, own.anchor, choice.reason))
@@ -90,7 +108,12 @@ def match_run(
                 placed.append(found)
                 own = OwnPosition(found.anchor)
                 junctions = JunctionWatch(known)
-    return RunMatches(tuple(matches), tuple(placed), tuple(matcher.watch.moved))
+    return RunMatches(tuple(matches), tuple(placed), tuple(matcher.watch.moved), tuple(trace))
+
+
+def _trace(sample: Sample, anchor: Anchor) -> TracePoint:
+    axis_m = direction_sign(anchor.direction) * anchor.place(sample.distance_m)
+    return TracePoint(sample.t_s, anchor.branch, anchor.direction, axis_m, sample.curvature_per_m)
 
 
 def _begin(
