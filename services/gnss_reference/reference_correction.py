@@ -11,6 +11,7 @@ carrier phase (correction_rates.py).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Annotated, Final
 
@@ -39,6 +40,7 @@ from services.gnss_correction.station_consistency import LARGEST_RESIDUAL, displ
 from services.gnss_correction.station_sight import lines_enu, see_from, station_at
 from services.gnss_receiver.observations import Observations, satellite_name
 from services.gnss_reference.correction_rates import CorrectionRates
+from services.gnss_reference.ephemeris_turns import EphemerisTurns
 
 NOISE_M: Final = 0.3
 """Code noise and short reflections of a satellite overhead at 45 dB-Hz under an open sky, one sigma."""
@@ -62,8 +64,19 @@ class StationSettings(msgspec.Struct, frozen=True, kw_only=True):
 class ReferenceStation:
     """Turns the epochs of a receiver at a known place into corrections, in the order in which they come."""
 
-    def __init__(self, name: str, position_deg: tuple[float, float, float], settings: StationSettings) -> None:
-        """Stand at `position_deg`: latitude, longitude [deg], ellipsoidal height [m] (WGS 84)."""
+    def __init__(
+        self,
+        name: str,
+        position_deg: tuple[float, float, float],
+        settings: StationSettings,
+        *,
+        in_turns: bool = False,
+    ) -> None:
+        """Stand at `position_deg`: latitude, longitude [deg], ellipsoidal height [m] (WGS 84).
+
+        With `in_turns`, for live listeners, satellites that have two ephemerides in use are corrected for both of them
+        in turns (ephemeris_turns.py); blocks are then single epochs.
+        """
         self._name, self._position_deg, self._settings = name, position_deg, settings
         self._station = station_at(*position_deg)
         self._store, self._order = EphemerisStore(), EpochOrder()
@@ -73,11 +86,15 @@ class ReferenceStation:
         self._rates = CorrectionRates()
         self._signals = SignalAverages(settings.smooth_s)
         self._rules = np.zeros(1, RULES)
+        self._turns = EphemerisTurns(self._station, settings.systems) if in_turns else None
+        self._latest_s = -math.inf
 
     def add(self, broadcast: Ephemeris | Ionosphere) -> None:
         """Take in what a satellite broadcast."""
         if isinstance(broadcast, Ephemeris):
             self._store.add(broadcast)
+            if self._turns is not None:
+                self._turns.add(broadcast, self._latest_s)
         else:
             self._rules["alpha"], self._rules["beta"] = broadcast.alpha, broadcast.beta
 
@@ -92,7 +109,9 @@ class ReferenceStation:
             t_s = float(prepared.t_s[epoch])
             smoothed_s = self._smooth(rows, t_s)
             others = self._signals.take(t_s, centred(signal_differences(observations, epoch, rows)))
-            yield self._correct(rows, t_s, smoothed_s, observations.signals, table, others)
+            corrections = self._correct(rows, t_s, smoothed_s, observations.signals, table, others)
+            self._latest_s = corrections.gps_week * WEEK_S + corrections.tow_s
+            yield corrections if self._turns is None else self._turns.spoken(corrections, observations)
 
     def _smooth(self, rows: Records, t_s: float) -> Float64s:
         """Smooth the pseudoranges of one epoch; gives over what time each has been smoothed."""

@@ -149,9 +149,8 @@ class _Station:
         node.health.clear("place")
         self._send(epoch, position_m)
         if self._station is None:
-            self._station = ReferenceStation(
-                self._config.name or node.place.name, position_deg, self._config.corrections
-            )
+            name = self._config.name or node.place.name
+            self._station = ReferenceStation(name, position_deg, self._config.corrections, in_turns=True)
             for heard in self._heard.values():
                 self._station.add(heard)
         for corrections in self._station.block(block_of(epoch)):
