@@ -30,6 +30,8 @@ CLEAN_BELOW: Final = 0.15
 """Probability of multipath by the other evidence below which a change counts as clean."""
 FEWEST_CLEAN: Final = 200
 """Clean changes that a quantile of 99 % needs: two of them lie above it."""
+LEAST_CLEAN: Final = 0.1
+"""Share of what was judged: where fewer changes pass for clean, those that do are reflections that nothing betrays."""
 OF_THE_CHANGE: Final = ("change_hold_m", "divergence_hold_m")
 """Evidence that is the change itself and may not decide which changes are clean."""
 NORMAL_QUARTILE: Final = 0.67449
@@ -116,7 +118,7 @@ def _band(
     basis, sample = next(
         (name, changes.change_m[chosen & clean])
         for name, chosen in (("band", inside), ("constellation", own), ("receiver", np.ones_like(own)))
-        if (chosen & clean).sum() >= FEWEST_CLEAN
+        if name == "receiver" or (chosen & clean).sum() >= max(FEWEST_CLEAN, LEAST_CLEAN * chosen.sum())
     )
     figures: dict[str, float | None] = dict.fromkeys(("p50_m", "p90_m", "p99_m", "noise_m"))
     if found.size:
