@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,7 +15,9 @@ Floats = NDArray[np.float64]
 
 FLATTEST_PER_M: Final = 1.0 / 4000.0
 """Flatter curves are left as straights: they turn a train by less than its sensors can tell."""
-STANDS_OUT: Final = 2.5
+AVERAGE_M: Final = 60.0
+"""Curvature is averaged over this to look for curves; single points of it are too noisy."""
+STANDS_OUT: Final = 4.0
 """A curve's peak is at least this many standard deviations of the curvature above 0."""
 EDGE_SHARE: Final = 0.3
 """A curve reaches as far as its curvature is above this share of its peak (or of FLATTEST_PER_M)."""
@@ -51,7 +54,7 @@ def bends_of(axis: SmoothAxis) -> tuple[Bend, ...]:
 
 def _runs(axis: SmoothAxis) -> list[tuple[int, int]]:
     """Grid points (first, last exclusive) of every stretch of one hand that stands out, divided at saddles."""
-    bend, sigma = axis.curvature_per_m, axis.curvature_sigma_per_m
+    bend, sigma = _averaged(axis)
     hand = np.sign(bend).astype(int)
     edges = np.flatnonzero(np.diff(hand)) + 1
     runs: list[tuple[int, int]] = []
@@ -61,6 +64,16 @@ def _runs(axis: SmoothAxis) -> list[tuple[int, int]]:
         if (size > clear).any():
             runs += [(first + a, first + b) for a, b in _split(size, float(clear[int(size.argmax())]))]
     return runs
+
+
+def _averaged(axis: SmoothAxis) -> tuple[Floats, Floats]:
+    """Curvature (n,) as the change of direction over AVERAGE_M about each place, and its standard deviation."""
+    step_m = np.diff(axis.along_m)
+    heading = np.concatenate([[0.0], np.cumsum((axis.curvature_per_m[1:] + axis.curvature_per_m[:-1]) / 2.0 * step_m)])
+    first_m = np.maximum(axis.along_m - AVERAGE_M / 2.0, 0.0)
+    last_m = np.minimum(axis.along_m + AVERAGE_M / 2.0, axis.along_m[-1])
+    ends = [np.interp(places, axis.along_m, heading) for places in (first_m, last_m)]
+    return (ends[1] - ends[0]) / (last_m - first_m), math.sqrt(2.0) * axis.heading_sigma_rad / (last_m - first_m)
 
 
 def _split(size: Floats, clear: float) -> list[tuple[int, int]]:

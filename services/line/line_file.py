@@ -64,20 +64,43 @@ def load_line(path: Path) -> LoadedLine:
 
     Of a CSV polyline the line has axis and kilometrage alone. Raises LineFileError, OSError.
     """
+    text = _text(path)
+    if text is not None and text.lstrip()[:1] not in ("{", "["):
+        return _from_csv(path, text)
+    return _checked(path, _decoded(path, text))
+
+
+def decode_line(path: Path) -> Line:
+    """The line of a file without a look at its geometry, so that every problem of it can be listed.
+
+    Raises LineFileError and OSError.
+    """
+    text = _text(path)
+    if text is not None and text.lstrip()[:1] not in ("{", "["):
+        return _from_csv(path, text).line
+    return _decoded(path, text)
+
+
+def _text(path: Path) -> str | None:
+    """What stands in a file; None for the name of a line that comes with Kirotei."""
     if not path.exists() and str(path) in built_in_names():
-        return _checked(path, built_in_line(str(path)))
+        return None
     if path.is_dir():
         raise LineFileError(path, "", "a folder, not a line file")
     if path.stat().st_size > LARGEST_BYTES:
         raise LineFileError(path, "", f"larger than {LARGEST_BYTES // 1_000_000} MB")
     try:
-        text = path.read_text("utf-8-sig")
+        return path.read_text("utf-8-sig")
     except UnicodeDecodeError as error:
         raise LineFileError(path, "", f"not a text file (byte {error.start})") from error
-    if text.lstrip()[:1] not in ("{", "["):
-        return _from_csv(path, text)
+
+
+def _decoded(path: Path, text: str | None) -> Line:
+    """The line of a JSON text, or the built-in one."""
+    if text is None:
+        return built_in_line(str(path))
     try:
-        return _checked(path, msgspec.json.decode(text, type=Line))
+        return msgspec.json.decode(text, type=Line)
     except msgspec.DecodeError as error:
         raise LineFileError(path, "", str(error)) from error
 

@@ -69,6 +69,8 @@ class Imported:
     line: Line
     notes: tuple[str, ...]
     """What was guessed, closed or left out."""
+    length_m: float
+    """Of the main line."""
     noise_m: float
     """Estimated error of the map's vertices across the main line."""
 
@@ -114,7 +116,9 @@ def import_line(
             _branch(number, way, leaves_m, main, placed) for number, (way, leaves_m) in enumerate(branches, 1)
         ),
     )
-    return Imported(_with_landmarks(line, wishes.landmark_accuracy_m), (*notes, *left_out), axis.noise_m)
+    return Imported(
+        _with_landmarks(line, wishes.landmark_accuracy_m), (*notes, *left_out), float(main.axis_m[-1]), axis.noise_m
+    )
 
 
 def slug(name: str) -> str:

@@ -3,7 +3,7 @@
 Points on an even grid are sought that stay near the vertices and change their curvature as little as
 possible: minimise Σ |p_i - f(s_i)|² + λ Σ |third difference of f|². Straights and arcs cost next to
 nothing, clothoids little. λ follows from generalised cross-validation (Craven and Wahba 1979), the
-variance of the curvature from the inverse's band (Takahashi et al. 1973).
+variance of the direction from the inverse's band (Takahashi et al. 1973).
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class SmoothAxis:
     """Shape (n, 2): east, north."""
     curvature_per_m: Floats
     """Shape (n,), positive to the left."""
-    curvature_sigma_per_m: Floats
-    """Shape (n,): standard deviation from the vertices' noise alone."""
+    heading_sigma_rad: Floats
+    """Shape (n,): standard deviation of its direction, from the vertices' noise alone."""
     vertex_along_m: Floats
     """Shape (m,): where each given vertex falls."""
     points_m: Floats
@@ -149,14 +149,14 @@ def smooth(vertices: Floats, least_noise_m: float = 0.0) -> SmoothAxis:
         step_m = along[-1] / (count - 1)
         best = _best(points, weight, along / step_m, count, least_noise_m)
         along = _along(best.fitted, points, along / step_m)
-    variance = np.maximum(_second_difference_variance(best.inverse), 0.0)
+    variance = np.maximum(_difference_variance(best.inverse), 0.0)
     grid_m = lengths_m(best.fitted)
     scale = grid_m[-1] / ((len(grid_m) - 1) * step_m)
     return SmoothAxis(
         grid_m,
         best.fitted,
         curvature_of(best.fitted),
-        np.sqrt(variance) * best.noise_m / step_m**2,
+        np.sqrt(variance) * best.noise_m / step_m,
         _between(vertices, kept, along[given] * scale),
         points,
         along * scale,
@@ -223,7 +223,7 @@ def _held_straight(vertices: Floats) -> tuple[Floats, Floats, NDArray[np.int64]]
 
 
 def _best(points: Floats, weight: Floats, place: Floats, count: int, least_noise_m: float) -> _Choice:
-    """Fit with the λ of the smallest cross-validation score among those that leave enough noise; `place` in grid steps."""
+    """Fit with the λ that cross-validates best among those that leave enough noise; `place` in grid steps."""
     real = weight == 1.0
     cell = np.clip(place.astype(np.int64), 0, count - 2)
     share = place - cell
@@ -263,8 +263,7 @@ def _along(fitted: Floats, points: Floats, place: Floats) -> Floats:
     return np.asarray(along - along[0])
 
 
-def _second_difference_variance(inverse: Floats) -> Floats:
-    """Variance (n,) of f's second differences, relative to the noise's, per coordinate."""
-    own, next_one, next_but_one = inverse[0], inverse[1], inverse[2]
-    inner = own[:-2] + 4.0 * own[1:-1] + own[2:] - 4.0 * next_one[:-2] - 4.0 * next_one[1:-1] + 2.0 * next_but_one[:-2]
-    return np.concatenate([inner[:1], inner, inner[-1:]])
+def _difference_variance(inverse: Floats) -> Floats:
+    """Variance (n,) of f's first differences, relative to the noise's, per coordinate."""
+    inner = inverse[0, :-1] + inverse[0, 1:] - 2.0 * inverse[1, :-1]
+    return np.append(inner, inner[-1:])
