@@ -21,7 +21,7 @@ from services.train_position.held import Held
 from services.train_position.line_places import LinePlaces
 from services.train_position.odometry_steps import OdometrySteps
 from services.train_position.position_message import message_of
-from services.train_position.reach import Instant
+from services.train_position.reach import Instant, Sense
 from services.train_position.references import balise_claim, landmark_claim
 from services.train_position.satellites import Satellites
 from services.train_position.sense import SenseFinder
@@ -38,6 +38,8 @@ BOTH_S: Final = 2.0
 """Single fixes are left out while all antennas together have spoken so lately."""
 KNOWN: Final = 512
 """Measurements that are remembered, to leave out repetitions."""
+MOST_UNORIENTED: Final = 300
+"""Claims that are kept until the sense is known."""
 SLOWEST_MPS: Final = 2.0
 """Slower, the sign of the satellites' speed does not tell which way the vehicle stands."""
 
@@ -57,6 +59,8 @@ class PositionKeeper:
         self._seen: dict[tuple[str, str, int], None] = {}
         self._status = ""
         self._together_ns: int | None = None
+        self._unoriented: list[Claim] = []
+        """Claims since the newest beginning, while the sense is not known."""
         self._branch: str | None = None
         self._told_version = ""
 
@@ -218,13 +222,14 @@ class PositionKeeper:
         if isinstance(claim, Claim) and held.reach.sense == 0 and abs(then.speed_mps) > SLOWEST_MPS:
             rising = (match.direction == "up") == (then.speed_mps > 0.0)
             told = self._found_sense(1 if rising else -1, f"landmark {match.landmark}", match.t_ns)
-            return told + self._weigh(claim, "landmark", then)
+            return told + self._weigh(claim, "landmark", held.reach.at(match.t_ns) or then)
         return self._weigh(claim, "landmark", then)
 
     def _front_end(self, message: FrontEnd, then: Instant) -> list[Message]:
         told: list[Message] = []
         if self.held.reach.sense == 0:
             told += self._found_sense(self._satellites.faces(self.held, message), "the antennas' order", message.t_ns)
+            then = self.held.reach.at(message.t_ns) or then
         claim = self._satellites.front_end(self.held, message, then)
         if isinstance(claim, Claim):
             self._together_ns = message.t_ns
@@ -234,14 +239,13 @@ class PositionKeeper:
         if self._together_ns is not None and 0 <= message.t_ns - self._together_ns < BOTH_S * 1e9:
             return []
         told: list[Message] = []
-        along_mps = message.speed_along_mps
-        if (
-            self.held.reach.sense == 0
-            and along_mps is not None
-            and min(abs(along_mps), abs(then.speed_mps)) > SLOWEST_MPS + then.speed_bound_mps
-        ):
-            sense = 1 if (along_mps > 0.0) == (then.speed_mps > 0.0) else -1
-            told += self._found_sense(sense, "the satellites' speed along the line", message.t_ns)
+        if self.held.reach.sense == 0:
+            along_mps = self._satellites.along_mps(self.held, message, then)
+            if along_mps is not None and min(abs(along_mps), abs(then.speed_mps)) > SLOWEST_MPS + then.speed_bound_mps:
+                sense = 1 if (along_mps > 0.0) == (then.speed_mps > 0.0) else -1
+                told += self._found_sense(sense, "the satellites' speed along the line", message.t_ns)
+                # Its sums were made anew.
+                then = self.held.reach.at(message.t_ns) or then
         return told + self._weigh(self._satellites.fix(self.held, device, message, then), "gnss", then)
 
     def _weigh(self, claim: Claim | str, source: Source, then: Instant) -> list[Message]:
@@ -256,6 +260,9 @@ class PositionKeeper:
         if held.reach.sense == 0:
             found = self._sense.take(claim.axis_m, claim.bound_m + then.provisional_m, then.distance_m)
             told += self._found_sense(found, f"the way from place to place, at {claim.name}", claim.t_ns)
+            then = held.reach.at(claim.t_ns) or then
+            if held.reach.sense == 0 and claim.t_ns >= held.reach.plain_since_ns:
+                self._unoriented = [*self._unoriented[-MOST_UNORIENTED:], claim]
         if not held.belief.alternatives:
             claims = self._first.take(held, claim, then)
             for one, when in claims:
@@ -264,11 +271,24 @@ class PositionKeeper:
         return told + weigh(held, claim, then)
 
     def _found_sense(self, sense: int, how: str, t_ns: int) -> list[Message]:
+        """Take the sense in; what was claimed while it was not known is weighed anew by it."""
         held = self.held
         if sense == 0 or held.reach.sense != 0:
             return []
-        held.reach.sense = 1 if sense > 0 else -1
+        oriented: Sense = 1 if sense > 0 else -1
+        since_ns = held.reach.plain_since_ns
+        claims = sorted((one for one in self._unoriented if one.t_ns >= since_ns), key=lambda one: one.t_ns)
+        self._unoriented = []
         self._sense.forget()
+        if claims and not held.belief.contradicted:
+            held.reach.orient(oriented, held.scale_now())
+            held.belief.forget()
+            held.estimate = None
+            for claim in claims:
+                then = held.reach.at(claim.t_ns)
+                if then is not None:
+                    weigh(held, claim, then)
+        held.reach.sense = oriented
         return [held.event("direction", f"the front end looks {held.direction}, by {how}", t_ns)]
 
     def _routes(self, t_ns: int) -> list[Message]:

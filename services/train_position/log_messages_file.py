@@ -110,6 +110,8 @@ def fixes_of(path: Path, start_gps_s: float) -> list[Fix]:
                 lat_deg=table.number_or_none(line, row, "lat_deg"),
                 lon_deg=table.number_or_none(line, row, "lon_deg"),
                 h_m=table.number_or_none(line, row, "h_m"),
+                ve_mps=table.number_or_none(line, row, "ve_mps"),
+                vn_mps=table.number_or_none(line, row, "vn_mps"),
                 satellites_used=0,
                 satellites_flagged=0,
                 bound_m=table.number_or_none(line, row, "bound_m"),

@@ -82,6 +82,8 @@ class Reach:
         self._physics = physics
         self._instants: list[Instant] = []
         self._times: list[int] = []
+        self._turned_ns: int | None = None
+        """Time of the newest instant that no plain step led to: a gap, a shift, a new beginning."""
         self.share = 0.0
         """Largest relative error that the odometry has vouched for since the newest reference."""
 
@@ -93,6 +95,7 @@ class Reach:
     def begin(self, instant: Instant, share: float) -> None:
         """Go on from an instant kept before a restart, or after the calendar was set; the history is gone."""
         self._instants, self._times = [instant], [instant.t_ns]
+        self._turned_ns = instant.t_ns
         self.share = share
 
     def at(self, t_ns: int) -> Instant | None:
@@ -142,14 +145,7 @@ class Reach:
         # A share that rises holds for the way behind as well: it is said of any two instants.
         excess_sum_m = excess_m + max(odometry.share_bound - self.share, 0.0) * since_m
         self.share = max(self.share, odometry.share_bound)
-        if self.sense == 0:
-            span_m = way_m * (1.0 + scale.largest) + excess_sum_m
-            greatest_m, least_m, rolled_m = span_m, -span_m, 0.0
-        else:
-            rolled_m = self.sense * moved_m
-            ends_m = (rolled_m * (1.0 + scale.least), rolled_m * (1.0 + scale.greatest))
-            rest_m = (way_m - abs(moved_m)) * scale.largest + excess_sum_m
-            greatest_m, least_m = max(ends_m) + rest_m, min(ends_m) - rest_m
+        rolled_m, least_m, greatest_m = self._rolled(moved_m, way_m, excess_sum_m, scale)
         variance_m2 = (excess_m / BOUND_SIGMAS) ** 2 + CREEP * way_m + (STEP_NOISE_M**2 if moved_m else 0.0)
         self._add(
             Instant(
@@ -167,6 +163,41 @@ class Reach:
                 odometry.speed_bound_mps,
             )
         )
+
+    def _rolled(self, moved_m: float, way_m: float, excess_m: float, scale: Scale) -> tuple[float, float, float]:
+        """Likeliest, least and greatest displacement of a step."""
+        if self.sense == 0:
+            span_m = way_m * (1.0 + scale.largest) + excess_m
+            return 0.0, -span_m, span_m
+        rolled_m = self.sense * moved_m
+        ends_m = (rolled_m * (1.0 + scale.least), rolled_m * (1.0 + scale.greatest))
+        rest_m = (way_m - abs(moved_m)) * scale.largest + excess_m
+        return rolled_m, min(ends_m) - rest_m, max(ends_m) + rest_m
+
+    @property
+    def plain_since_ns(self) -> int:
+        """Time from which on plain steps of one origin have followed one another."""
+        first_ns = self._times[0] if self._times else 0
+        return first_ns if self._turned_ns is None else max(self._turned_ns, first_ns)
+
+    def orient(self, sense: Sense, scale: Scale) -> None:
+        """Learn the sense, and make the sums since `plain_since_ns` what they had been had it been known.
+
+        Claims of that time must be taken anew.
+        """
+        self.sense = sense
+        start = bisect.bisect_left(self._times, self.plain_since_ns)
+        for i in range(start + 1, len(self._instants)):
+            before, now = self._instants[i - 1], self._instants[i]
+            moved_m, excess_m = now.distance_m - before.distance_m, now.excess_m - before.excess_m
+            way_m = max(now.way_m - before.way_m, abs(moved_m))
+            rolled_m, least_m, greatest_m = self._rolled(moved_m, way_m, excess_m, scale)
+            self._instants[i] = now._replace(
+                greatest_m=before.greatest_m + greatest_m,
+                least_m=before.least_m + least_m,
+                likeliest_m=before.likeliest_m + rolled_m,
+                rolled_m=before.rolled_m + rolled_m,
+            )
 
     def first(self, odometry: Odometry) -> None:
         """Begin with a message."""
@@ -194,6 +225,7 @@ class Reach:
     def blind(self, t_ns: int) -> None:
         """Go on without odometry: speed by now is what it was, and what physics lets it become."""
         now = self._instants[-1]
+        self._turned_ns = t_ns
         dt_s = (t_ns - now.t_ns) / 1e9
         most = self._physics.acceleration_mps2
         limit = self._physics.speed_mps
@@ -207,6 +239,7 @@ class Reach:
         """Move the front end along the train, by something between these (towards rising `axis_m`)."""
         now = self._instants.pop()
         self._times.pop()
+        self._turned_ns = now.t_ns
         if now.t_ns - 1 not in self._times[-1:]:
             self._add(now._replace(t_ns=now.t_ns - 1))
         middle_m = (least_m + greatest_m) / 2.0
@@ -221,6 +254,7 @@ class Reach:
 
     def _jump(self, odometry: Odometry, mean_m: float, doubt_m: float, limit_m: float) -> None:
         now = self._instants[-1]
+        self._turned_ns = odometry.t_ns
         following = _of(odometry, now.greatest_m, now.least_m, now.likeliest_m, now.rolled_m, now.variance_m2)
         self._add(self._moved(following, now, mean_m, doubt_m, limit_m))
 

@@ -7,6 +7,7 @@ projected onto every route that is possible; a route from which it is too far as
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from schemas.gnss import Fix, FrontEnd
@@ -78,6 +79,22 @@ class Satellites:
         axis_m = (found.least_m + found.greatest_m) / 2.0 + sense * antenna.behind_a_m
         unknown_m = antenna.behind_a_m if sense == 0 else 0.0
         return self._claim(held, axis_m, found.width_m / 2.0 + bound_m + unknown_m, then)
+
+    def along_mps(self, held: Held, message: Fix, then: Instant) -> float | None:
+        """Speed of a fix along the line, towards rising `axis_m`; None where it cannot be told."""
+        if message.speed_along_mps is not None:
+            return message.speed_along_mps
+        places, line = held.places_at(then), held.line
+        if (
+            message.status != "fix"
+            or message.ve_mps is None
+            or message.vn_mps is None
+            or places is None
+            or line is None
+        ):
+            return None
+        heading_rad = float(line.routes[MAIN].heading_rad((places.least_m + places.greatest_m) / 2.0))
+        return message.ve_mps * math.sin(heading_rad) + message.vn_mps * math.cos(heading_rad)
 
     def _feet(
         self, held: Held, lat_deg: float, lon_deg: float, h_m: float, bound_m: float, then: Instant
