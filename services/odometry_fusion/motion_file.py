@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.odometry_fusion.motion_log import STATUSES, Floats, MotionRows
+from services.odometry_fusion.evaluation import MotionTrack
+from services.odometry_fusion.motion_log import STATUSES, MotionRows
 
 COLUMNS: Final = ("t_s", "distance_m", "speed_mps", "slip", "bound_m", "status")
 
@@ -21,20 +21,6 @@ class MotionTableError(ValueError):
     def __init__(self, path: Path, line: int, text: str) -> None:
         """Name the file and the line, counted from 1 (0: the file as a whole)."""
         super().__init__(f"{path}:{line}: {text}" if line else f"{path}: {text}")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MotionTrack:
-    """What a motion.csv holds; every column has shape (n,)."""
-
-    name: str
-    t_s: Floats
-    distance_m: Floats
-    speed_mps: Floats
-    slip: NDArray[np.bool_]
-    bound_m: Floats
-    """NaN where the table is blank."""
-    status: tuple[str, ...]
 
 
 def write_motion(path: Path, rows: MotionRows) -> None:

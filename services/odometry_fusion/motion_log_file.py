@@ -61,7 +61,7 @@ def read_motion_log(folder: Path) -> ReadLog:
     """Read and check a motion log. Raises MotionLogError, OSError."""
     if not folder.is_dir():
         raise MotionLogError(folder, "no such folder; a motion log is a folder with motion.toml, imu and tacho")
-    about = _read_about(folder / "motion.toml")
+    about = read_about(folder / "motion.toml")
     imu_path, tacho_path = _table_path(folder, "imu"), _table_path(folder, "tacho")
     issues: list[str] = []
     imu_t_s, imu = _samples(imu_path, "imu", IMU_COLUMNS, issues)
@@ -75,7 +75,8 @@ def read_motion_log(folder: Path) -> ReadLog:
     return ReadLog(MotionLog(imu_t_s, imu, tacho_t_s, pulses, **about), tuple(issues))
 
 
-def _read_about(path: Path) -> dict[str, float]:
+def read_about(path: Path) -> dict[str, float]:
+    """Numbers of motion.toml, checked. Raises MotionLogError, OSError."""
     try:
         table = tomllib.loads(path.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

@@ -112,7 +112,7 @@ def end_episode(
     else:
         now.offset_m = distance_m - ticks[at].aligned_m
     _close(ticks[at].t_ns, state)
-    return bound_m
+    return float(bound_m)
 
 
 @kernel
@@ -141,7 +141,7 @@ def resume_wheel(ticks: Records, smoothed: Records, at: int, rules: Records, sta
     now.offset_m = distance_m - CLOSING_SHARE * drift_m - ticks[at].aligned_m
     bound_m = CLOSING_SHARE * abs(drift_m) + distance_error(rules, min(own[0].t_s, 12.0), now.since_rest_s)
     _close(ticks[at].t_ns, state)
-    return bound_m
+    return float(bound_m)
 
 
 @kernel
@@ -154,13 +154,24 @@ def give_up(ticks: Records, at: int, state: Records, tracks: Records, rules: Rec
     bound_m = distance_error(rules, own[0].t_s, now.since_rest_s) + gap_mps * 10.0
     _close(ticks[at].t_ns, state)
     now.distrusted = 1
-    return bound_m
+    return float(bound_m)
+
+
+@kernel
+def spread(state: Records, tracks: Records) -> tuple[float, float]:
+    """How far the tracks lie above and below the first [m]: a late start point may lie within the slip."""
+    above_m = below_m = 0.0
+    for k in range(1, state[0].tracks):
+        apart_m = tracks[k].distance_m - tracks[0].distance_m
+        above_m = max(above_m, apart_m)
+        below_m = max(below_m, -apart_m)
+    return above_m, below_m
 
 
 @kernel
 def is_overdue(rules: Records, state: Records, tracks: Records) -> bool:
     """Whether the correction has lasted longer than any is given."""
-    return state[0].mode == CORRECTING and tracks[0].t_s > rules[0].longest_s - 0.5 * PERIOD_S
+    return bool(state[0].mode == CORRECTING and tracks[0].t_s > rules[0].longest_s - 0.5 * PERIOD_S)
 
 
 @kernel

@@ -14,7 +14,7 @@ def gyro_error(rules: Records, since_rest_s: float) -> float:
     It goes on growing beyond: a train that has not stood for long knows its biases less and less.
     """
     rule = rules[0]
-    return rule.gyro_error_radps * (0.5 + 0.5 * since_rest_s / rule.bias_hold_s)
+    return float(rule.gyro_error_radps * (0.5 + 0.5 * since_rest_s / rule.bias_hold_s))
 
 
 @kernel
@@ -22,7 +22,7 @@ def acceleration_error(rules: Records, t_s: float, since_rest_s: float) -> float
     """Δa = ① mean tilt by the gyro's error over the correction + ② accelerometer + ③ start point's threshold."""
     rule = rules[0]
     tilt_mps2 = GRAVITY_MPS2 * gyro_error(rules, since_rest_s) * t_s / 2.0
-    return tilt_mps2 + rule.accelerometer_error_mps2 + rule.threshold_error_mps2
+    return float(tilt_mps2 + rule.accelerometer_error_mps2 + rule.threshold_error_mps2)
 
 
 @kernel
@@ -40,4 +40,4 @@ def closed_error(rules: Records, t_s: float, since_rest_s: float, speed_gap_mps:
     """
     rule = rules[0]
     seen_m = 0.5 * speed_gap_mps * t_s + 0.5 * rule.accelerometer_error_mps2 * t_s * t_s
-    return min(distance_error(rules, t_s, since_rest_s), seen_m + 1.0 + speed_gap_mps)
+    return float(min(distance_error(rules, t_s, since_rest_s), seen_m + 1.0 + speed_gap_mps))

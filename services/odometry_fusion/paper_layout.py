@@ -79,6 +79,8 @@ RULES: Final[np.dtype[Any]] = np.dtype([
         "threshold_error_mps2",
         "share",
         "undetected_m",
+        "cap_m",
+        "cap_share",
     ),
 ])  # fmt: skip
 """The settings in ticks, m/s² and rad/s."""
@@ -116,7 +118,6 @@ STATE: Final[np.dtype[Any]] = np.dtype([
         "offset_m",
         "start_offset_m",
         "run_m",
-        "last_m",
         "excess_m",
         "gap_s",
         "gap_way_m",
@@ -153,6 +154,7 @@ OUT: Final[np.dtype[Any]] = np.dtype([
         "acceleration_mps2",
         "excess_m",
         "provisional_m",
+        "bound_m",
         "gradient_permille",
         "gyro_bias_radps",
         "since_rest_s",
@@ -207,6 +209,8 @@ def rules_of(settings: PaperSettings, vehicle: Vehicle) -> Records:
         "threshold_error_mps2": settings.threshold_error_kmhps / KMH,
         "share": settings.share,
         "undetected_m": settings.undetected_m,
+        "cap_m": settings.cap_m,
+        "cap_share": settings.cap_share,
     }
     for name, value in values.items():
         rules[name] = value

@@ -71,7 +71,6 @@ class PaperOdometry:
 
     def _rows(self, new: Records, out: Records, episodes: tuple[Episode, ...]) -> MotionRows:
         curvature = self._curvature(out)
-        bound_m = self._share * out["run_m"] + out["excess_m"] + out["provisional_m"]
         return MotionRows(
             t_s=new["t_ns"] / 1e9,
             distance_m=out["distance_m"].copy(),
@@ -81,7 +80,7 @@ class PaperOdometry:
             acceleration_mps2=out["acceleration_mps2"].copy(),
             slip=out["slip"].astype(np.int8),
             standstill=out["standstill"].astype(np.bool_),
-            bound_m=bound_m,
+            bound_m=out["bound_m"].copy(),
             excess_m=out["excess_m"].copy(),
             provisional_m=out["provisional_m"].copy(),
             status=out["status"].astype(np.int8),

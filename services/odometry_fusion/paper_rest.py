@@ -26,7 +26,7 @@ def watch_rest(ticks: Records, at: int, state: Records) -> bool:
     if now.rest_ticks < REST_TICKS or tick.imu_missing_s > 0.3:  # noqa: PLR2004 - as long as samples are bridged
         now.rest_s = 0.0
         now.since_rest_s += PERIOD_S
-        return now.rest_ticks >= REST_TICKS
+        return bool(now.rest_ticks >= REST_TICKS)
     now.rest_s = min(now.rest_s + PERIOD_S, LONGEST_MEAN_S)
     share = PERIOD_S / now.rest_s
     now.roll_bias_radps += share * (tick.gx_radps - now.roll_bias_radps)

@@ -61,3 +61,7 @@ class PaperSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """Relative error of distance outside slips (section 4.3.1)."""
     undetected_m: NotNegative = 2.0
     """What a slip may cost before it is detected."""
+    cap_m: NotNegative = 4.99
+    cap_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.05
+    """While all is well the bound is not stated above this constant and share of distance, the accuracy asked of ETCS
+    odometry: (13) is cautious, and errors stayed far below (docs/odometry_fusion.md)."""

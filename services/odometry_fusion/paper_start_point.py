@@ -10,7 +10,7 @@ from services.odometry_fusion.tick_layout import Records
 def is_calm(smoothed: Records, at: int, jerk_imu: float, jerk_wheel: float, jerk_difference: float) -> bool:
     """Whether both accelerations are steady and change alike: |Ji|, |Jp| and |Ji - Jp| within their limits."""
     now = smoothed[at]
-    return (
+    return bool(
         now.ready != 0
         and abs(now.jerk_imu) <= jerk_imu
         and abs(now.jerk_wheel) <= jerk_wheel
@@ -29,7 +29,7 @@ def start_point(smoothed: Records, latest: int, earliest: int, rules: Records) -
     for k in range(latest, earliest - 1, -1):
         run = run + 1 if is_calm(smoothed, k, rule.jerk_imu, rule.jerk_wheel, rule.jerk_difference) else 0
         if run >= rule.periods:
-            return k + rule.periods - 1
+            return int(k + rule.periods - 1)
     return -1
 
 

@@ -18,6 +18,7 @@ from services.odometry_fusion.paper_episode import (
     is_overdue,
     overrun,
     resume_wheel,
+    spread,
     step_episode,
 )
 from services.odometry_fusion.paper_error import distance_error, gyro_error
@@ -34,7 +35,7 @@ from services.odometry_fusion.paper_layout import (
 from services.odometry_fusion.paper_rest import watch_rest
 from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, smooth
 from services.odometry_fusion.paper_track import present
-from services.odometry_fusion.paper_witness import dismiss, watch_wheel
+from services.odometry_fusion.paper_witness import FACTOR, dismiss, watch_wheel
 from services.odometry_fusion.tick_layout import Records
 
 LONGEST_SILENCE_S = 0.5
@@ -45,6 +46,8 @@ SLIP_MPS2 = 0.7
 """An unseen slip grows about so fast, up to"""
 SLIP_M = 20.0
 """what a slip costs at worst in nine of ten cases."""
+USUAL_SLIP_S = 12.0
+"""Nine of ten slips are over by then (Iwata et al., section 3.1.4: 10 s; and the windows' delay)."""
 LATEST_JERK_MPS3 = 1.0
 """By so much the acceleration may change while the sensor's latency passes."""
 
@@ -229,12 +232,17 @@ def _write(
         own.speed_mps, own.acceleration_mps2 = speed_mps + latest_mps2 * lead_s, latest_mps2
         own.gradient_permille = 1e3 * math.sin(tracks[0].pitch_rad)
         provisional_m += distance_error(rules, tracks[0].t_s, now.since_rest_s) + LATEST_JERK_MPS3 * lead_s**3
+        above_m, below_m = spread(state, tracks)
+        own.distance_m += 0.5 * (above_m - below_m)
+        provisional_m += 0.5 * FACTOR * (above_m + below_m)
+        # The longer a correction lasts, the likelier the wheel has adhered again unnoticed.
+        wheel_m = tick.way_m + now.start_offset_m
+        doubt = min(1.0, max(0.0, (tracks[0].t_s - USUAL_SLIP_S) / USUAL_SLIP_S))
+        provisional_m += doubt * abs(own.distance_m - wheel_m)
         error_mps = 0.3 + 2.0 * distance_error(rules, tracks[0].t_s, now.since_rest_s) / max(tracks[0].t_s, 1.0)
     if stands:
         own.speed_mps, error_mps = 0.0, 0.05
-    # The published way never turns back within the resolution of one row: it is the sum of |steps|.
-    now.run_m += abs(own.distance_m - now.last_m)
-    now.last_m = own.distance_m
+    now.run_m = max(now.run_m + abs(own.speed_mps) * PERIOD_S, abs(own.distance_m))
     own.run_m, own.speed_bound_mps = now.run_m, error_mps
     own.excess_m, own.provisional_m = now.excess_m, provisional_m
     own.slip = 0 if now.mode == ADHERING else now.slip
@@ -243,6 +251,9 @@ def _write(
     own.since_rest_s = now.since_rest_s
     own.yaw_radps = tick.gz_radps - now.yaw_bias_radps
     own.status, own.reason = _status(now.mode, now.distrusted, no_imu, no_pulses)
+    own.bound_m = rule.share * now.run_m + now.excess_m + provisional_m
+    if own.status == VALID:
+        own.bound_m = min(own.bound_m, rule.cap_m + rule.cap_share * abs(own.distance_m))
 
 
 @kernel

@@ -1,7 +1,7 @@
 """Inertial tracks beside an adhering wheel: what they disagree on belongs to the bound.
 
 Equation (1) does not see a slip that builds up more slowly than the steepest gradient would show. Two tracks,
-started anew in turn, say how far wheel and inertial sensor have come apart in the last 6 to 12 seconds.
+started anew in turn, say how far wheel and inertial sensor have come apart in the last 8 to 15 seconds.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from services.odometry_fusion.paper_track import begin_track, step_track
 from services.odometry_fusion.tick_layout import Records
 
 WITNESSES = 2
-RENEWAL_TICKS = 120
+RENEWAL_TICKS = 150
 FACTOR = 1.3
 """A track renewed in the middle of a slip has missed what came before."""
 

@@ -73,13 +73,13 @@ def _way_at(t_ns: int, tacho_ns: Counts, way_m: Floats, count: int) -> float:
     """Way at an instant, between counts or held on by the last speed; counts from `count` on are not known yet."""
     after = np.searchsorted(tacho_ns[:count], t_ns, side="right")
     if after == 0:
-        return way_m[0]
+        return float(way_m[0])
     before = after - 1
     if after < count:
         share = (t_ns - tacho_ns[before]) / (tacho_ns[after] - tacho_ns[before])
-        return way_m[before] + share * (way_m[after] - way_m[before])
+        return float(way_m[before] + share * (way_m[after] - way_m[before]))
     age_ns = min(t_ns - tacho_ns[before], SPEED_WINDOW_NS * 5)
-    return way_m[before] + _rate(before, tacho_ns, way_m) * age_ns * 1e-9
+    return float(way_m[before] + _rate(int(before), tacho_ns, way_m) * age_ns * 1e-9)
 
 
 @kernel
@@ -90,7 +90,7 @@ def _rate(last: int, tacho_ns: Counts, way_m: Floats) -> float:
         first -= 1
     if first == last:
         return 0.0
-    return (way_m[last] - way_m[first]) / ((tacho_ns[last] - tacho_ns[first]) * 1e-9)
+    return float((way_m[last] - way_m[first]) / ((tacho_ns[last] - tacho_ns[first]) * 1e-9))
 
 
 @kernel

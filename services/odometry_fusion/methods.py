@@ -1,0 +1,29 @@
+"""Methods of odometry by name."""
+
+from __future__ import annotations
+
+from typing import assert_never
+
+from services.odometry_fusion.motion_log import MotionLog, MotionRows, OdometryStep, Vehicle
+from services.odometry_fusion.paper_odometry import PaperOdometry
+from services.odometry_fusion.settings import Config
+from services.odometry_fusion.wheel_odometry import WheelOdometry
+
+
+def begin(vehicle: Vehicle, config: Config) -> OdometryStep:
+    """The configured method, at work on a vehicle."""
+    match config.method:
+        case "wheel":
+            return WheelOdometry(vehicle, config.wheel)
+        case "paper":
+            return PaperOdometry(vehicle, config.paper)
+        case "fused":
+            msg = "fused"
+            raise ValueError(msg)
+        case _:
+            assert_never(config.method)
+
+
+def run_log(log: MotionLog, config: Config) -> MotionRows:
+    """Odometry of a whole log by the configured method."""
+    return begin(log.vehicle, config).advance(log.end_s, log.imu_t_s, log.imu, log.tacho_t_s, log.pulses)

@@ -1,0 +1,33 @@
+"""Every setting of odometry, named, with its limits and its default: for the service and for files alike."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from schemas.motion import OdometryMethod
+from services.odometry_fusion.paper_settings import PaperSettings
+from services.odometry_fusion.wheel_odometry import WheelSettings
+
+Device = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")]
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How odometry is made of pulses and inertial samples."""
+
+    method: OdometryMethod = "paper"
+    """`wheel`: pulses alone; `paper`: Iwata et al.; `fused`: an error-state filter with prediction anchors."""
+    imu: Device | None = None
+    """The inertial sensor's device; without it, the first one heard."""
+    axles: tuple[Device, ...] = ()
+    """Devices of the pulse counters, the preferred one first; without any, those heard, in order of name."""
+    imu_latency_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.3
+    """By how much the inertial samples lag behind the pulses (`kirotei motion calibrate` finds it)."""
+    max_gradient_permille: Annotated[float, Meta(ge=0.0, le=300.0)] = 35.0
+    """Steepest gradient of the line."""
+    longest_wait_s: Annotated[float, Meta(ge=0.05, le=2.0)] = 0.3
+    """A row waits so long for the samples of its period; those that come later are used in the next one."""
+    paper: PaperSettings = PaperSettings()
+    wheel: WheelSettings = WheelSettings()
