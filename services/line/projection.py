@@ -30,7 +30,9 @@ class Foot(NamedTuple):
 
 
 @kernel
-def _foot(axis_m: Floats, plane_m: Floats, east_m: float, north_m: float, first: int, last: int) -> tuple[float, float]:
+def foot_within(
+    axis_m: Floats, plane_m: Floats, east_m: float, north_m: float, first: int, last: int
+) -> tuple[float, float]:
     """Place along the axis and signed distance of the foot among segments `first` to `last` (exclusive)."""
     nearest, along, aside = np.inf, axis_m[first], np.inf
     for i in range(first, last):
@@ -58,7 +60,7 @@ def _feet(axis_m: Floats, plane_m: Floats, places: Floats, start_m: float, reach
             first = max(np.searchsorted(axis_m, last_m - reach_m[k]) - 1, 0)
             last = min(max(np.searchsorted(axis_m, last_m + reach_m[k]), first + 1), segments)
             first = min(first, last - 1)
-        found[k, 0], found[k, 1] = _foot(axis_m, plane_m, places[k, 0], places[k, 1], first, last)
+        found[k, 0], found[k, 1] = foot_within(axis_m, plane_m, places[k, 0], places[k, 1], first, last)
         if np.isfinite(found[k, 0]):
             last_m = found[k, 0]
 
