@@ -22,7 +22,11 @@ PANEL_IN: Final = 5.4
 BINS: Final = 80
 DOTS_PER_INCH: Final = 150
 ROOM: Final = 1.15
-"""The axes reach so far beyond the largest value."""
+"""The axes reach so far beyond the largest value,"""
+LARGEST_BOUND: Final = 4.0
+"""but bounds beyond so many alert limits, which are of no use anyhow, do not stretch them."""
+SMALLEST: Final = 1.6
+"""They reach at least so many alert limits, so that every region has room for its name."""
 
 
 def _shade(axes: Axes, top_m: float, alert_limit_m: float) -> None:
@@ -42,7 +46,9 @@ def _draw_panel(axes: Axes, track: BoundedErrors, top_m: float, alert_limit_m: f
     _shade(axes, top_m, alert_limit_m)
     bounded = np.isfinite(track.bound_m)
     edges = np.linspace(0.0, top_m, BINS + 1)
-    counts, _, _ = np.histogram2d(track.error_m[bounded], track.bound_m[bounded], bins=(edges, edges))
+    # What lies beyond the axes is drawn at their ends.
+    errors_m, bounds_m = (np.minimum(values[bounded], top_m) for values in (track.error_m, track.bound_m))
+    counts, _, _ = np.histogram2d(errors_m, bounds_m, bins=(edges, edges))
     mesh = axes.pcolormesh(
         edges, edges, np.ma.masked_equal(counts.T, 0.0), cmap="viridis", norm=LogNorm(1.0, max(counts.max(), 2.0))
     )
@@ -69,12 +75,13 @@ def _draw_panel(axes: Axes, track: BoundedErrors, top_m: float, alert_limit_m: f
 
 def draw_stanford(tracks: Sequence[BoundedErrors], alert_limit_m: float) -> Figure:
     """One panel per method, all to the same scale. Raises ValueError without a single bounded fix."""
-    values = [np.concatenate([one.error_m, one.bound_m[np.isfinite(one.bound_m)]]) for one in tracks]
     bounded = [one for one in tracks if np.isfinite(one.bound_m).any()]
     if not bounded:
         msg = "there is no fix with a bound to draw"
         raise ValueError(msg)
-    top_m = ROOM * max(alert_limit_m, *(float(np.percentile(one, 99.5)) for one in values if len(one)))
+    errors_m = max(float(np.percentile(one.error_m, 99.5)) for one in bounded)
+    bounds_m = max(float(np.nanpercentile(one.bound_m, 99.5)) for one in bounded)
+    top_m = ROOM * max(SMALLEST * alert_limit_m, errors_m, min(bounds_m, LARGEST_BOUND * alert_limit_m))
     figure = Figure(figsize=((PANEL_IN + 1.2) * len(bounded), PANEL_IN), dpi=DOTS_PER_INCH, layout="constrained")
     for k, track in enumerate(bounded):
         _draw_panel(figure.add_subplot(1, len(bounded), k + 1), track, top_m, alert_limit_m)
