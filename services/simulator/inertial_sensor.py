@@ -125,7 +125,7 @@ def drawn_sensor(imu: Imu, wheel_diameter_m: float, generator: np.random.Generat
         angles = np.array(imu.mounting_deg)
     turned = np.zeros((6, 6))
     for i, share in enumerate((grade.scale[1], grade.scale[0])):
-        distorted = np.eye(3) + share * generator.standard_normal((3, 3))
+        distorted = np.eye(3) + imu.distortion * share * generator.standard_normal((3, 3))
         turned[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = distorted @ mounting(*angles * DEG).T
     return SensorConstants(
         turned,

@@ -143,6 +143,8 @@ class Imu(Part, frozen=True, kw_only=True):
     mounting_deg: tuple[float, float, float] | None = None
     """Roll, pitch, yaw of the sensor in the body; None: drawn."""
     mounting_sigma_deg: NotNegative = 0.3
+    distortion: NotNegative = 1.0
+    """Of scale factors and axes, against the grade's spread."""
 
 
 class Tacho(Part, frozen=True, kw_only=True):

@@ -37,6 +37,7 @@ STATE: Final = np.dtype(
             "planned_brake_mps2",
             "power_share",
             "wheel_mps",  # of the rim
+            "slip_mps",  # of the rim against the train, where it is not free
             "wheel_way_m",
             "hold",  # share of the effort that slide protection lets through
             "episode_s",
@@ -55,7 +56,7 @@ STATE: Final = np.dtype(
     ]
     + [
         (name, np.int64)
-        for name in ("mode", "stop", "has_stop", "episode", "next_random", "sliding", "slip", "leg", "step")
+        for name in ("mode", "stop", "has_stop", "episode", "next_random", "sliding", "free", "slip", "leg", "step")
     ]
 )
 

@@ -14,7 +14,7 @@ from services.simulator.inertial_sensor import SensorConstants, sense
 from services.simulator.motion_state import BRAKE, DWELL, POWER, STEP_S, Command, VehicleConstants
 from services.simulator.track_table import STEP_M
 from services.simulator.train_dynamics import draw_leg, drive, move
-from services.simulator.wheel_adhesion import begin_episode, wheel_step
+from services.simulator.wheel_adhesion import begin_episode, roll_on, wheel_step
 
 Floats = NDArray[np.float64]
 
@@ -91,13 +91,15 @@ def run_steps(
         look_up(run.felt, s.way_m, row, bend)
         look_up(run.felt, s.way_m + LOOK_AHEAD_S * s.speed_mps, ahead, unused)
         stop_m = run.stops_m[s.stop] - s.way_m if s.has_stop == 1 else np.inf
-        drive(state, min(ahead[4], row[4]), stop_m, run.vehicle)
+        drive(state, min(ahead[4], row[4]), stop_m, row[3], run.vehicle)
         if s.step % 10 == 0 and s.episode < 0:
             begin_episode(state, run.randoms, run.sets, run.started_s)
+        rim_mps = s.wheel_mps
         effort = wheel_step(state, run.randoms, run.sets, (command.slip_mps, command.micro_share), run.vehicle)
         effort += FORCE_NOISE_MPS2 * s.force_noise * min(abs(effort) * 2.0, 1.0)
         if move(state, effort, row[3], row[0], run.vehicle):
             come_to_rest(state, run)
+        roll_on(state, rim_mps)
         suspend(state, row, run.sensor.vibration, noise[i, 4:6], run.vehicle)
         look_up(run.felt, s.way_m, row, bend)
         feel(state, row, bend, imu[i])

@@ -43,7 +43,7 @@ def draw_leg(state: Any, ranges: Floats, uniform: Floats) -> None:  # noqa: ANN4
 def stopping_brake(speed_mps: float, needed_mps2: float, service_mps2: float) -> float:
     """Brake effort towards a stop: in notches, and fine at low speed, for notches end in a wrong place."""
     if speed_mps <= CREEP_MPS:
-        return 0.35
+        return min(max(needed_mps2, 0.35), service_mps2)
     if speed_mps < FINE_MPS:
         return min(needed_mps2, service_mps2)
     notch = np.ceil(needed_mps2 / service_mps2 * NOTCHES - 0.3)
@@ -51,25 +51,28 @@ def stopping_brake(speed_mps: float, needed_mps2: float, service_mps2: float) ->
 
 
 @kernel
-def decide(state: Any, allowed_mps: float, stop_m: float, c: VehicleConstants) -> None:  # noqa: ANN401 - a numpy record
+def decide(state: Any, allowed_mps: float, stop_m: float, slope: float, c: VehicleConstants) -> None:  # noqa: ANN401 - a numpy record
     """The driver's wish for the next moments, into `mode` and `wanted_mps2`.
 
     `allowed_mps` holds 2 s ahead; `stop_m` is the way left to the stopping place, infinite without one.
+    What the `slope` under the train takes or gives is allowed for.
     """
     s = state[0]
     v = s.speed_mps
     target = max(allowed_mps - s.margin_mps, 0.6 * allowed_mps)
-    to_stop = v * v / (2.0 * max(stop_m - 0.15 * v, 0.05))
-    stopping = to_stop >= s.planned_brake_mps2 or (s.mode == BRAKE and to_stop > 0.6 * s.planned_brake_mps2)
+    to_stop = v * v / (2.0 * max(stop_m - 0.3 * v, 0.05))
+    downhill = -GRAVITY * slope
+    planned = min(s.planned_brake_mps2, 0.85 * c.service_brake_mps2 - downhill)
+    stopping = to_stop >= planned or (s.mode == BRAKE and to_stop > 0.6 * planned)
     stopping = stopping or stop_m < NEAR_M
     if stopping:
         s.mode = BRAKE
-        s.wanted_mps2 = -stopping_brake(v, to_stop, c.service_brake_mps2)
+        s.wanted_mps2 = -stopping_brake(v, max(to_stop + downhill, 0.05), c.service_brake_mps2)
     elif v > allowed_mps:
         s.mode = BRAKE
-        s.wanted_mps2 = -min(0.35 + 0.6 * (v - allowed_mps), c.service_brake_mps2)
+        s.wanted_mps2 = -min(max(0.35 + 0.6 * (v - allowed_mps) + downhill, 0.1), c.service_brake_mps2)
     elif s.mode == BRAKE and v > target - 0.4:
-        s.wanted_mps2 = max(s.wanted_mps2, -0.5)
+        s.wanted_mps2 = max(s.wanted_mps2, -0.5 - max(downhill, 0.0))
     elif s.mode in (BRAKE, DWELL):
         s.mode = POWER if s.mode == DWELL or v < target - s.band_mps else COAST
     elif s.mode == POWER and v >= target - 0.3:
@@ -86,16 +89,16 @@ def decide(state: Any, allowed_mps: float, stop_m: float, c: VehicleConstants) -
 
 
 @kernel
-def drive(state: Any, allowed_mps: float, stop_m: float, c: VehicleConstants) -> None:  # noqa: ANN401 - a numpy record
+def drive(state: Any, allowed_mps: float, stop_m: float, slope: float, c: VehicleConstants) -> None:  # noqa: ANN401 - a numpy record
     """One step of the driver: dwell, or decide every 0.4 s; then the effort follows with limited jerk."""
     s = state[0]
     if s.mode == DWELL:
         s.wanted_mps2 = -0.5
         s.dwell_s -= STEP_S
         if s.dwell_s <= 0.0 and s.has_stop == 1:
-            decide(state, allowed_mps, stop_m, c)
+            decide(state, allowed_mps, stop_m, slope, c)
     elif s.step % DECIDE_STEPS == 0:
-        decide(state, allowed_mps, stop_m, c)
+        decide(state, allowed_mps, stop_m, slope, c)
     change = (s.wanted_mps2 - s.effort_mps2) * STEP_S / 0.35
     most = c.jerk_mps3 * STEP_S
     s.effort_mps2 += min(max(change, -most), most)

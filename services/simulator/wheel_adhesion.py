@@ -81,8 +81,7 @@ def adhering(state: Any, demand: float, cap: float, micro_share: float, c: Vehic
     used = min(abs(demand) / cap, 1.0)
     creep = CREEP * used / (1.0 - 0.6 * used) * max(1.0 + 0.35 * s.creep_factor, 0.0) * np.sign(demand)
     creep = c.micro_slip * (creep + CREEP_NOISE * s.creep_noise) + micro_share
-    slip = s.wheel_mps - s.speed_mps
-    s.wheel_mps = s.speed_mps + slip + (creep * s.speed_mps - slip) * STEP_S / STICK_S
+    s.slip_mps += (creep * s.speed_mps - s.slip_mps) * STEP_S / STICK_S
     s.hold = min(s.hold + 1.2 * STEP_S, 1.0)
 
 
@@ -107,7 +106,9 @@ def sliding(state: Any, demand: float, cap: float, row: Floats, c: VehicleConsta
     if (after - s.speed_mps) * way <= 0.0 and abs(torque) <= cap:
         s.sliding = 0
         after = s.speed_mps
+    s.free = 1
     s.wheel_mps = after
+    s.slip_mps = after - s.speed_mps
 
 
 @kernel
@@ -131,8 +132,7 @@ def episode_step(state: Any, row: Floats, demand: float, micro_share: float, c: 
     kind, share = row[3], 1.0
     if kind in (CONTROLLED, CREEPING):
         settled = settled_slip(state, row, demand)
-        target = s.speed_mps * (1.0 + settled)
-        s.wheel_mps = max(s.wheel_mps + (target - s.wheel_mps) * STEP_S / STICK_S, 0.0)
+        s.slip_mps += (settled * s.speed_mps - s.slip_mps) * STEP_S / STICK_S
         s.sliding = 1 if settled != 0.0 else 0
         share = 1.0 - row[9] * (1.0 - row[5]) * min(abs(settled) / row[6], 1.0)
         ended = s.episode_s > row[4] + row[8]
@@ -166,9 +166,9 @@ def wheel_step(state: Any, randoms: Floats, sets: Floats, forced: tuple[float, f
     s = state[0]
     demand = s.effort_mps2 * (c.traction_load if s.effort_mps2 > 0.0 else c.brake_load)
     share = 1.0
+    s.free = 0
     if forced[0] != 0.0:
-        target = max(s.speed_mps + forced[0], 0.0)
-        s.wheel_mps += (target - s.wheel_mps) * STEP_S / FORCED_S
+        s.slip_mps += (max(forced[0], -s.speed_mps) - s.slip_mps) * STEP_S / FORCED_S
         s.slip = -1 if forced[0] < 0.0 else 1
         s.episode, s.sliding, s.free_since_s = -1, 0, s.time_s
     elif s.episode >= 0:
@@ -178,6 +178,14 @@ def wheel_step(state: Any, randoms: Floats, sets: Floats, forced: tuple[float, f
         s.slip = 0
         adhering(state, demand, c.dry_mps2, forced[1] * np.sign(demand), c)
     if s.speed_mps <= 0.0 and forced[0] <= 0.0:
-        s.wheel_mps, s.slip, s.sliding = 0.0, 0, 0
-    s.wheel_way_m += s.wheel_mps * STEP_S
+        s.slip_mps, s.slip, s.sliding, s.free = 0.0, 0, 0, 0
     return float(s.effort_mps2 * share)
+
+
+@kernel
+def roll_on(state: Any, before_mps: float) -> None:  # noqa: ANN401 - a numpy record
+    """Take the wheel along with the train, which has moved since, unless it turns freely; count its way."""
+    s = state[0]
+    if s.free == 0:
+        s.wheel_mps = max(s.speed_mps + s.slip_mps, 0.0)
+    s.wheel_way_m += (before_mps + s.wheel_mps) / 2.0 * STEP_S

@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from services.simulator.motion_settings import (
+    IDLE_AXLE,
+    Adhesion,
+    Driving,
+    Episode,
+    MotionSettings,
+    SlipKind,
+)
+from services.simulator.motion_simulator import MotionSamples, MotionSimulator
+from services.simulator.motion_state import NO_COMMAND, STEP_S, Command
+from tests.unit.simulator.motion_tracks import IDEAL, uniform_track
+
+BRISK = Driving(dwell_s=(2.0, 2.0), power_share=(1.0, 1.0))
+
+
+def run(adhesion: Adhesion, seconds: float = 300.0, seed: int = 1, command: Command = NO_COMMAND) -> MotionSamples:
+    settings = MotionSettings(imu=IDEAL.imu, adhesion=adhesion, driving=BRISK)
+    return MotionSimulator(uniform_track(), settings, np.random.default_rng(seed)).advance(
+        round(seconds / STEP_S), command
+    )
+
+
+def rim_mps(samples: MotionSamples) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    return np.asarray(np.gradient(samples.wheel_way_m, STEP_S))
+
+
+def test_a_dry_wheel_creeps_by_a_few_per_mille_in_the_direction_of_effort() -> None:
+    samples = run(Adhesion())
+    assert not np.any(samples.slip)
+    fast = samples.speed_mps > 5.0
+    creep = (rim_mps(samples) / np.maximum(samples.speed_mps, 1.0) - 1.0) * 1e3
+    pulling, braking = fast & (samples.effort_mps2 > 0.3), fast & (samples.effort_mps2 < -0.3)
+    assert 0.5 < creep[pulling].mean() < 8.0
+    assert -8.0 < creep[braking].mean() < -0.5
+    assert np.abs(creep[fast]).max() < 15.0
+    twice = run(Adhesion(micro_slip=2.0))
+    lost, lost_twice = ((s.wheel_way_m - s.distance_m)[6000] for s in (samples, twice))
+    assert lost_twice == pytest.approx(2.0 * lost, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["cycling", "controlled", "locked", "creeping"])
+def test_a_slide_turns_the_wheel_too_slowly_and_ends(kind: SlipKind) -> None:
+    # Power from 2 s, limit of 20 m/s reached at about 30 s; the first stop is braked for at about 90 s.
+    free = run(Adhesion())
+    braking = float(np.flatnonzero((free.effort_mps2 < -0.4) & (free.t_s > 20.0))[0]) * STEP_S + 1.5
+    samples = run(Adhesion(episodes=(Episode(kind=kind, at_s=braking, duration_s=6.0, adhesion=0.4, slip=0.2),)))
+    slipping = samples.slip == -1
+    assert np.any(slipping)
+    assert not np.any(samples.slip == 1)
+    start, end = samples.t_s[slipping][[0, -1]]
+    assert braking - 0.1 <= start <= braking + 1.0
+    # The episode lasts 6 s; until adhesion is back some seconds may pass (ramp out 2.5 s, wheel spun up again).
+    assert 4.0 < end - start < 15.0
+    lost_m = (samples.wheel_way_m - samples.distance_m)[slipping]
+    assert lost_m[-1] - lost_m[0] < -1.0
+    after = (samples.t_s > end + 1.0) & (samples.t_s < end + 5.0) & (samples.speed_mps > 1.0)
+    assert np.abs(rim_mps(samples)[after] / samples.speed_mps[after] - 1.0).max() < 0.015
+    slow = rim_mps(samples)[slipping].min()
+    if kind == "locked":
+        assert slow == 0.0
+    if kind == "controlled":
+        # Settles at 20 %, plus or minus its unrest of 15 % of that times three.
+        assert 0.5 < (rim_mps(samples)[slipping] / samples.speed_mps[slipping]).min() < 0.9
+
+
+@pytest.mark.parametrize("kind", ["cycling", "controlled"])
+def test_a_spin_turns_the_wheel_too_fast_and_ends(kind: SlipKind) -> None:
+    samples = run(Adhesion(episodes=(Episode(kind=kind, at_s=8.0, duration_s=5.0, adhesion=0.4),)))
+    assert np.any(samples.slip == 1)
+    assert not np.any(samples.slip == -1)
+    assert (samples.wheel_way_m - samples.distance_m)[samples.slip == 1][-1] > 1.0
+    assert samples.slip[-1] == 0
+
+
+def test_less_adhesion_slows_the_train_less() -> None:
+    free = run(Adhesion())
+    braking = float(np.flatnonzero((free.effort_mps2 < -0.4) & (free.t_s > 20.0))[0]) * STEP_S + 1.5
+    slippery = [
+        run(Adhesion(episodes=(Episode(kind="cycling", at_s=braking, duration_s=8.0, adhesion=0.2),)), seed=seed)
+        for seed in range(5)
+    ]
+    at = round((braking + 6.0) / STEP_S)
+    assert all(samples.speed_mps[at] > free.speed_mps[at] for samples in slippery)
+
+
+def test_an_episode_at_a_place_comes_each_time_the_train_passes() -> None:
+    settings = MotionSettings(
+        imu=IDEAL.imu,
+        adhesion=Adhesion(episodes=(Episode(kind="controlled", at_axis_m=1150.0, duration_s=4.0),)),
+        driving=BRISK,
+    )
+    track = uniform_track(length_m=2000, stops_m=(1000.0, 1900.0))
+    simulator = MotionSimulator(track, settings, np.random.default_rng(1), places={1150.0: 1150.0})
+    samples = simulator.advance(60_000)
+    began = np.flatnonzero((samples.slip[1:] != 0) & (samples.slip[:-1] == 0)) + 1
+    places = np.where(samples.trip[began] % 2 == 0, samples.way_m[began], 2000.0 - samples.way_m[began])
+    assert len(began) >= 2
+    # Looked for every 0.1 s; without effort at the place it begins with the next effort, within the episode.
+    assert np.all(np.abs(places - 1150.0) < 60.0)
+
+
+def test_random_slips_are_mostly_shorter_than_ten_seconds_and_of_both_signs() -> None:
+    durations, signs = [], set()
+    for seed in range(6):
+        samples = run(Adhesion(random_gap_s=20.0, shortest_gap_s=10.0), 1500.0, seed)
+        edges = np.flatnonzero(np.diff(np.r_[0, (samples.slip != 0).astype(int), 0]))
+        durations += list((edges[1::2] - edges[::2]) * STEP_S)
+        signs |= set(samples.slip.tolist())
+    assert signs == {-1, 0, 1}
+    assert len(durations) > 60
+    # Iwata et al., 3.1.4: about 90 % of slips last 10 s or less.
+    assert np.mean(np.array(durations) <= 10.0) > 0.8
+    assert max(durations) < 30.0
+
+
+def test_an_idle_axle_neither_slides_nor_creeps() -> None:
+    settings = MotionSettings(vehicle=IDLE_AXLE, imu=IDEAL.imu, adhesion=Adhesion(random_gap_s=20.0), driving=BRISK)
+    samples = MotionSimulator(uniform_track(), settings, np.random.default_rng(1)).advance(40_000)
+    # Only the unrest of rolling remains: 0.3 per mille, without a direction.
+    assert abs(samples.wheel_way_m[-1] / samples.distance_m[-1] - 1.0) < 2e-4
+
+
+def test_a_forced_slide_holds_the_rim_below_the_train() -> None:
+    settings = MotionSettings(imu=IDEAL.imu, driving=BRISK)
+    simulator = MotionSimulator(uniform_track(), settings, np.random.default_rng(1))
+    simulator.advance(4000)
+    samples = simulator.advance(500, Command(-3.0, 0.0))
+    assert set(samples.slip.tolist()) == {-1}
+    # Time constant 0.4 s: settled after 4 s.
+    assert rim_mps(samples)[-10:-1] - samples.speed_mps[-10:-1] == pytest.approx(-3.0, abs=0.02)
+    assert set(simulator.advance(300).slip.tolist()) == {0}
