@@ -78,7 +78,7 @@ def _told_rows(out: Path, method: str, rows: MotionRows) -> str:
     lost = sum(one.phase == "not_found" for one in rows.episodes)
     lines = [
         f"{out}: {len(rows)} rows, {minutes:.1f} min, method {method}",
-        f"{rows.distance_m[-1] - rows.distance_m[0]:.1f} m, bound {rows.bound_m[-1]:.1f} m, "
+        f"{rows.distance_m[-1] - rows.distance_m[0]:.1f} m, bound {rows.bound_m[-1]:.1f} m",
         f"{ended} slips corrected, {lost} without re-adhesion",
     ]
     for code, reason in enumerate(rows.reasons):

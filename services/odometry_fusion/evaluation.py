@@ -133,7 +133,8 @@ def lag_of(track: MotionTrack, truth: MotionTruth) -> float:
 
 
 def _true_m(truth: MotionTruth, t_s: Floats) -> Floats:
-    return np.asarray(np.interp(t_s, truth.t_s, truth.distance_m), np.float64)
+    true_m: Floats = np.interp(t_s, truth.t_s, truth.distance_m)
+    return true_m
 
 
 def error_of(track: MotionTrack, truth: MotionTruth, lag_s: float = 0.0) -> Floats:

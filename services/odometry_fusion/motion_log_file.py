@@ -16,7 +16,7 @@ import duckdb
 import numpy as np
 from numpy.typing import NDArray
 
-from services.odometry_fusion.motion_log import Counts, Floats, MotionLog, SixAxes
+from services.odometry_fusion.motion_log import Floats, MotionLog, SixAxes
 
 IMU_COLUMNS: Final = ("t_s", "ax_mps2", "ay_mps2", "az_mps2", "gx_radps", "gy_radps", "gz_radps")
 TACHO_COLUMNS: Final = ("t_s", "pulses")

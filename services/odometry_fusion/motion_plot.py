@@ -1,4 +1,4 @@
-"""Odometry in pictures: speed and slips (Iwata et al., Figure 3), error against bound, distances between marks (Figure 4).
+"""Odometry in pictures: speed and slips, error against bound, distances between marks (Iwata et al., Figures 3, 4).
 
 The same input gives the same bytes.
 """

@@ -11,7 +11,7 @@ from services.odometry_fusion.paper_start_point import least_jerk, start_point
 from services.odometry_fusion.paper_track import begin_track, present, step_track
 from services.odometry_fusion.tick_layout import Records
 
-BEGAN, ENDED, NOT_FOUND = 0, 1, 2
+BEGAN, ENDED, NO_END = 0, 1, 2
 RESUME_TICKS = 30
 """After a correction that found no end, the wheel is taken up again once accelerations have agreed for so long."""
 CLOSING_SHARE = 0.6

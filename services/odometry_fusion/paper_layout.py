@@ -1,4 +1,4 @@
-"""Records of the paper's method: smoothed signals, rules, tracks of inertial distance, and what is kept between ticks."""
+"""Records of the paper's method: smoothed signals, rules, inertial tracks, and what is kept between ticks."""
 
 from __future__ import annotations
 

@@ -1,5 +1,8 @@
-"""The paper's method at work on samples in any cut (Iwata et al.: A Train Position Detection System Using Inertial
-Sensors Together with Tachometer Generators, RTRI Report)."""
+"""The paper's method at work on samples in any cut.
+
+Iwata, Yamamichi, Sugiyama, Kitano: A Train Position Detection System Using Inertial Sensors Together with Tachometer
+Generators, RTRI Report.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,6 @@ import numpy as np
 
 from services.odometry_fusion.curvature import WINDOW_TICKS, curvature_rows
 from services.odometry_fusion.motion_log import (
-    PERIOD_S,
     Counts,
     Episode,
     Floats,
@@ -16,6 +18,7 @@ from services.odometry_fusion.motion_log import (
     SixAxes,
     Vehicle,
 )
+from services.odometry_fusion.paper_episode import ENDED, NO_END
 from services.odometry_fusion.paper_layout import (
     EVENT,
     HISTORY,
@@ -118,9 +121,9 @@ class PaperOdometry:
                 slip=1 if event["slip"] > 0 else -1,
                 start_t_s=float(event["start_ns"]) / 1e9,
                 correction_s=float(event["correction_s"]),
-                corrected_m=float(event["corrected_m"]) if event["phase"] == 1 else None,
+                corrected_m=float(event["corrected_m"]) if event["phase"] == ENDED else None,
                 bound_m=float(event["bound_m"]),
-                stop_demanded=bool(event["phase"] == 2),
+                stop_demanded=bool(event["phase"] == NO_END),
                 reason="",
             )
             for event in events
@@ -130,4 +133,4 @@ class PaperOdometry:
 def run_paper(log: MotionLog, settings: PaperSettings) -> MotionRows:
     """Odometry of a whole log."""
     step = PaperOdometry(log.vehicle, settings)
-    return step.advance(log.end_s + 0.5 * PERIOD_S * 0.0, log.imu_t_s, log.imu, log.tacho_t_s, log.pulses)
+    return step.advance(log.end_s, log.imu_t_s, log.imu, log.tacho_t_s, log.pulses)

@@ -1,4 +1,4 @@
-"""Standstill, and the gyros' biases that show in it (Iwata et al., section 3.1.4: sensors are reset at station stops)."""
+"""Standstill, and the gyros' biases that show in it (Iwata et al., section 3.1.4: sensors are reset at stops)."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from services.odometry_fusion.paper_detection import accelerations_differ
 from services.odometry_fusion.paper_episode import (
     BEGAN,
     ENDED,
-    NOT_FOUND as NOT_FOUND_PHASE,
+    NO_END,
     begin_episode,
     end_episode,
     follow_ended,
@@ -21,10 +21,9 @@ from services.odometry_fusion.paper_episode import (
     spread,
     step_episode,
 )
-from services.odometry_fusion.paper_error import distance_error, gyro_error
+from services.odometry_fusion.paper_error import distance_error
 from services.odometry_fusion.paper_layout import (
     ADHERING,
-    CORRECTING,
     NO_IMU,
     NO_PULSES,
     NO_SENSOR,
@@ -137,7 +136,7 @@ def _correct(
     tracks: Records,
     events: Records,
     count: int,
-    no_imu: bool,
+    no_imu: int,
 ) -> int:
     """One tick within an episode."""
     now = state[0]
@@ -147,7 +146,7 @@ def _correct(
     phase, bound_m = ENDED, -1.0
     if no_imu:
         bound_m = give_up(ticks, at, state, tracks, rules)
-        phase = NOT_FOUND_PHASE
+        phase = NO_END
     elif chosen >= 0:
         if chosen > 0:
             _swap(tracks, chosen)
@@ -155,7 +154,7 @@ def _correct(
     elif is_overdue(rules, state, tracks):
         overrun(state)
         m = distance_error(rules, tracks[0].t_s, now.since_rest_s)
-        count = _note(events, count, row, NOT_FOUND_PHASE, state, tracks, math.nan, m)
+        count = _note(events, count, row, NO_END, state, tracks, math.nan, m)
     elif now.mode == OVERDUE:
         bound_m = resume_wheel(ticks, smoothed, at, rules, state, tracks)
     if bound_m >= 0.0:
@@ -175,7 +174,7 @@ def _swap(tracks: Records, chosen: int) -> None:
 
 
 @kernel
-def _watch_gap(way_m: float, no_imu: bool, state: Records) -> None:
+def _watch_gap(way_m: float, no_imu: int, state: Records) -> None:
     """Keep count of time and way without the inertial sensor; what a slip may have cost then stays for good."""
     now = state[0]
     if no_imu:
@@ -203,9 +202,9 @@ def _write(
     tracks: Records,
     out: Records,
     row: int,
-    stands: bool,
-    no_imu: bool,
-    no_pulses: bool,
+    stands: int,
+    no_imu: int,
+    no_pulses: int,
 ) -> None:
     """The row: distance and speed at the tick itself, whatever the sensors' delays."""
     now, tick, rule, own = state[0], ticks[at], rules[0], out[row]
@@ -257,7 +256,7 @@ def _write(
 
 
 @kernel
-def _status(mode: int, distrusted: int, no_imu: bool, no_pulses: bool) -> tuple[int, int]:
+def _status(mode: int, distrusted: int, no_imu: int, no_pulses: int) -> tuple[int, int]:
     if no_imu and no_pulses:
         return LOST, NO_SENSOR
     if mode == OVERDUE:

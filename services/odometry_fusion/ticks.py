@@ -39,7 +39,7 @@ INERTIAL: Final = np.dtype([
 
 
 @kernel
-def _mean_samples(first: int, last: int, imu_ns: Counts, imu: SixAxes, moving: bool, inertial: Records) -> None:
+def _mean_samples(first: int, last: int, imu_ns: Counts, imu: SixAxes, moving: int, inertial: Records) -> None:
     """Mean of samples first … last - 1 that are neither broken nor frozen; the former mean where none is left."""
     now = inertial[0]
     total = np.zeros(6)
