@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -128,3 +129,19 @@ def landmark_like(
 def anchor_at(u_m: float, *, error_m: float, margin_m: float, branch: str = "") -> Anchor:
     """What is held at distance 0 of a pass that begins at `u_m`: wrong by `error_m`, bounded by `margin_m`."""
     return Anchor(branch=branch, direction="up", u_m=u_m + error_m, distance_m=0.0, ahead_m=margin_m, behind_m=margin_m)
+
+
+def moved_rows(landmark: Landmark, by_m: float, name: str) -> Landmark:
+    """The same landmark elsewhere on the line, under another name."""
+    places = {
+        field: getattr(landmark, field) + by_m
+        for field in (
+            "entry_straight_start_m",
+            "entry_straight_end_m",
+            "entry_lower_limit_m",
+            "exit_lower_limit_m",
+            "exit_straight_start_m",
+            "exit_straight_end_m",
+        )
+    }
+    return msgspec.structs.replace(landmark, id=name, **places)

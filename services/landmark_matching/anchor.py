@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from schemas.line import Direction
 from services.landmark_matching.curve_shape import direction_sign
+
+
+class Held(NamedTuple):
+    """Where the sensor is believed to be at one sample, and how far ahead and behind it may be."""
+
+    place_m: float
+    behind_m: float
+    ahead_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,3 +53,7 @@ class Anchor:
         """How far behind and how far ahead of `place` the sensor may be: the search window grows with the margin."""
         more_m = self.growth(distance_m, excess_m)
         return self.behind_m + more_m, self.ahead_m + more_m
+
+    def held(self, distance_m: float, excess_m: float) -> Held:
+        """Place and window at once."""
+        return Held(self.place(distance_m), *self.window(distance_m, excess_m))

@@ -39,7 +39,7 @@ def draw_curvature(runs: RunMatches, landmarks: Sequence[Landmark], title: str) 
     count = min(MOST_ROWS, max(1, round((last - first) / ROW_KM)))
     edges = np.linspace(first - 0.05, last + 0.05, count + 1)
     figure = Figure(figsize=(11.0, 2.3 * count + 0.7), dpi=DOTS_PER_INCH, layout="constrained")
-    top = 1.25 * max(
+    top = 1.45 * max(
         [float(np.percentile(np.abs([point.curvature_per_m for point in trace]), 99.5)), 1e-3]
         + [1.0 / landmark.radius_m for landmark in landmarks]
     )
@@ -63,8 +63,7 @@ def _panel(
 ) -> None:
     inside = [point for point in trace if between_km[0] <= point.axis_m / PER_KM <= between_km[1]]
     ways = {(point.branch, point.direction) for point in trace}
-    directions = {way[1] for way in ways}
-    drawn = [one for one in landmarks if one.direction in directions]
+    drawn = [one for one in landmarks if (one.branch, one.direction) in ways]
     for number, landmark in enumerate(drawn):
         _database_curve(axes, landmark, named=number == 0)
     axes.plot(*_line_of(inside), color=MEASURED, linewidth=0.9, label="measured, mean over 2 s", zorder=3)

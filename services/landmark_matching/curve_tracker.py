@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from schemas.line import Landmark
-from services.landmark_matching.anchor import Anchor
+from services.landmark_matching.anchor import Anchor, Held
 from services.landmark_matching.curve_shape import CurveShape
 from services.landmark_matching.diagnoses import Verdict, diagnose
 from services.landmark_matching.passage import Passage, clear_of_curve_m, cut_passage, straight_rows, straight_stretch
@@ -80,10 +80,12 @@ class CurveTracker:
         self._disturbed = ""
         self._seen = False
 
-    def step(self, sample: Sample, record: TrackRecord, anchor: Anchor) -> Diagnosed | None:
-        """Take the newest sample, which `record` already holds; what the diagnoses say when they are done."""
-        behind_m, ahead_m = anchor.window(sample.distance_m, sample.excess_m)
-        place_m = anchor.place(sample.distance_m)
+    def step(self, sample: Sample, record: TrackRecord, anchor: Anchor, held: Held) -> Diagnosed | None:
+        """Take the newest sample, which `record` already holds; what the diagnoses say when they are done.
+
+        `held` is what the anchor says at this sample.
+        """
+        place_m, behind_m, ahead_m = held
         if self._passed:
             if place_m + ahead_m < self._first_m - REARM_M:
                 self.reset()

@@ -56,6 +56,8 @@ class Verdict:
     """Along the axis' direction of running: `u_m` minus the place held."""
     bound_m: float
     measured: Measured | None = None
+    fits: bool = False
+    """The curve is the landmark's in every respect; where it is refused, only its place is not believed."""
 
 
 def disturbance(passage: Passage) -> tuple[Kind, str] | None:
@@ -192,13 +194,10 @@ def _as(kind: Kind, reason: str | None) -> tuple[Kind, str] | None:
 
 
 def _before_exit(passage: Passage, settings: MatchSettings) -> tuple[Kind, str] | None:
-    """Diagnoses 1 to 3b, with what disturbs a measurement before them."""
-    before = find_straight(passage, settings, entry=True)
-    bias_radps = common_bias_radps(before)
+    """Diagnoses 2 to 3b, the straight before the curve, its hand and its largest curvature."""
+    bias_radps = common_bias_radps(find_straight(passage, settings, entry=True))
     return (
-        disturbance(passage)
-        or _as("start point", start_point(passage))
-        or _as("entry straight", entry_straight(passage, settings))
+        _as("entry straight", entry_straight(passage, settings))
         or _as("sign", sign(passage))
         or _as("upper limit", upper_limit(passage, bias_radps, settings))
     )
@@ -214,24 +213,34 @@ def _of_curve(passage: Passage, measured: Measured, settings: MatchSettings) -> 
     )
 
 
+def _of_shape(passage: Passage, measured: Measured | None, settings: MatchSettings) -> tuple[Kind, str] | None:
+    """Everything that does not depend on where the train is believed to be."""
+    refusal = _before_exit(passage, settings)
+    if refusal is None and measured is None:
+        return "lower limit", "curvature does not reach the lower limit as the database's curve would"
+    return refusal or (None if measured is None else _of_curve(passage, measured, settings))
+
+
 def diagnose(passage: Passage, settings: MatchSettings) -> Verdict:
     """All diagnoses in their order; the first that fails refuses."""
     before = find_straight(passage, settings, entry=True)
     after = find_straight(passage, settings, entry=False)
     measured = measure(passage, common_bias_radps(before, after))
-    refusal = _before_exit(passage, settings)
-    if refusal is None and measured is None:
-        refusal = "lower limit", "curvature does not reach the lower limit as the database's curve would"
-    if refusal is None and measured is not None:
-        refusal = _of_curve(passage, measured, settings)
+    disturbed = disturbance(passage)
+    elsewhere = None if disturbed else _as("start point", start_point(passage))
+    refusal = disturbed or _of_shape(passage, measured, settings)
     if refusal is not None or measured is None or before is None or after is None:
-        kind, words = refusal or ("exit straight", "no straight after the curve")
+        kind, words = elsewhere or refusal or ("exit straight", "no straight after the curve")
         place_m = passage.anchor.place(passage.exit_m)
         return Verdict(kind, f"{kind}: {words}", passage.exit_t_s, passage.exit_m, place_m, 0.0, 0.0, measured)
     bound_m = passage.landmark.accuracy_m + crossing_bound_m(passage, measured, (before, after), settings)
     u_m, exit_m = measured.exit.u_m, measured.exit_m
     t_s = float(np.interp(exit_m, passage.distance_m, passage.t_s))
     correction_m = u_m - passage.anchor.place(exit_m)
-    verdict = Verdict("accepted", "accepted", t_s, exit_m, u_m, correction_m, bound_m, measured)
-    late = _as("window", window(passage, u_m, exit_m, bound_m)) or _as("gnss", gnss(passage, u_m, exit_m, bound_m))
-    return replace(verdict, kind=late[0], reason=f"{late[0]}: {late[1]}") if late else verdict
+    verdict = Verdict("accepted", "accepted", t_s, exit_m, u_m, correction_m, bound_m, measured, fits=True)
+    refusal = (
+        elsewhere
+        or _as("window", window(passage, u_m, exit_m, bound_m))
+        or _as("gnss", gnss(passage, u_m, exit_m, bound_m))
+    )
+    return replace(verdict, kind=refusal[0], reason=f"{refusal[0]}: {refusal[1]}") if refusal else verdict

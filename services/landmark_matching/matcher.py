@@ -21,6 +21,8 @@ from services.landmark_matching.twin import twin_of
 Route = tuple[str, Direction]
 """Branch and direction of running."""
 DIRECTIONS: Final[tuple[Direction, ...]] = ("up", "down")
+FARTHEST_M: Final = 100.0
+"""A curve that fits but stands further from its place than this is taken for another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,9 @@ class Matcher:
             self._follow_route(route)
         if anchor is None or route is None:
             return []
-        done = ((tracker, tracker.step(sample, self._record, anchor)) for tracker in self._trackers.get(route, []))
+        held = anchor.held(sample.distance_m, sample.excess_m)
+        trackers = self._trackers.get(route, [])
+        done = ((tracker, tracker.step(sample, self._record, anchor, held)) for tracker in trackers)
         return [self._judged(route, tracker, found, anchor, sample) for tracker, found in done if found is not None]
 
     def _follow_route(self, route: Route | None) -> None:
@@ -124,6 +128,8 @@ class Matcher:
                 moved = self.watch.take(landmark, verdict, sample.excess_m)
                 if moved:
                     verdict = _refused(verdict, "moved", moved)
+        elif verdict.fits and abs(verdict.correction_m) <= FARTHEST_M:
+            self.watch.take(landmark, verdict, sample.excess_m)
         return _match(landmark, verdict, passage, anchor)
 
 

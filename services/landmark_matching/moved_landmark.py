@@ -6,8 +6,8 @@ the true spacings and r1, r2 measured minus true spacing, a wheel scale e and a 
     r1 = e d1 + m,    r2 = e d2 - m    →    e = (r1 + r2) / (d1 + d2),    m = r1 - e d1,
 
 so that no error of the wheel's scale looks like a shift. A shift beyond what the bounds b of the three passages
-(b² = b2² + (b1² + b3²)/4) and slips between them explain is reported at once; seen again on the next passage
-with the same sign, the landmark is refused.
+(TOLD_SHARE of b with b² = b2² + (b1² + b3²)/4) and slips between them explain is reported at once; seen again on
+the next passage with the same sign, the landmark is refused.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from services.landmark_matching.diagnoses import Verdict
 
 LONGEST_SPACING_M: Final = 6000.0
 """Landmarks further apart say nothing about shifts: the wheel's scale may have changed between."""
+TOLD_SHARE: Final = 0.6
+"""Bounds allow for five standard deviations; three are worth telling, since nothing is refused at the first time."""
 REFUSED_AFTER: Final = 2
 """Passages in a row that must show the same shift before the landmark is refused."""
 
@@ -67,8 +69,12 @@ class MovedWatch:
         return [Moved(name, sum(seen) / len(seen), len(seen)) for name, seen in self.shifts_m.items() if seen]
 
     def take(self, landmark: Landmark, verdict: Verdict, excess_m: float) -> str | None:
-        """Note an accepted passage; words that refuse it where the landmark is known to have moved."""
+        """Note a passage that fits; words that refuse it where the landmark is known to have moved.
+
+        Passages refused for their place alone count too: after a moved landmark the next one seems to be elsewhere.
+        """
         self._last.append(_Passed(landmark, verdict.u_m, verdict.distance_m, excess_m, verdict.bound_m))
+        self._last.sort(key=lambda one: one.distance_m)
         del self._last[:-3]
         if len(self._last) == 3:  # noqa: PLR2004 - the one in the middle has two neighbours
             self._judge_middle()
@@ -90,7 +96,7 @@ class MovedWatch:
         r2 = (last.distance_m - middle.distance_m) - d2
         shift_m = r1 - (r1 + r2) / (d1 + d2) * d1
         explained_m = math.sqrt(middle.bound_m**2 + 0.25 * (first.bound_m**2 + last.bound_m**2))
-        limit_m = explained_m + last.excess_m - first.excess_m
+        limit_m = TOLD_SHARE * explained_m + last.excess_m - first.excess_m
         seen = self.shifts_m.setdefault(middle.landmark.id, [])
         if abs(shift_m) <= limit_m or (seen and seen[-1] * shift_m < 0.0):
             seen.clear()

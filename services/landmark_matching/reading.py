@@ -6,10 +6,9 @@ curvature about a place that the train has left behind, with the time at which i
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import Final, NamedTuple
-
-import numpy as np
 
 KEPT_S: Final = 6.0
 """History that is kept to find when the train was at the middle of the window."""
@@ -61,13 +60,13 @@ class SampleMaker:
         self._lowest_mps = lowest_speed_mps
         self._longest_s = longest_step_s
         self._past: deque[Reading] = deque()
-        self._gap_until_s = -np.inf
-        self._slip_until_s = -np.inf
+        self._gap_until_s = -math.inf
+        self._slip_until_s = -math.inf
 
     def take(self, reading: Reading) -> Sample | None:
         """Sample of this step; None for a reading that repeats, goes back in time, or has no finite distance."""
         past = self._past
-        if not (np.isfinite(reading.t_s) and np.isfinite(reading.distance_m) and np.isfinite(reading.speed_mps)):
+        if not (math.isfinite(reading.t_s) and math.isfinite(reading.distance_m) and math.isfinite(reading.speed_mps)):
             return None
         if past and reading.t_s <= past[-1].t_s:
             return None
@@ -85,9 +84,9 @@ class SampleMaker:
         begin_m = self._distance_at(now.t_s - self._window_s)
         window_m = now.distance_m - begin_m
         speed_mps = window_m / self._window_s
-        usable = np.isfinite(now.curvature_per_m) and np.isfinite(now.curvature_distance_m)
+        usable = math.isfinite(now.curvature_per_m) and math.isfinite(now.curvature_distance_m)
         place_m = now.curvature_distance_m if usable else 0.5 * (begin_m + now.distance_m)
-        fault = self._fault(now, speed_mps, usable=bool(usable))
+        fault = self._fault(now, speed_mps, usable=usable)
         return Sample(
             self._time_at(place_m),
             place_m,
@@ -100,7 +99,11 @@ class SampleMaker:
         )
 
     def _fault(self, now: Reading, speed_mps: float, *, usable: bool) -> str:
-        slowest = min(one.speed_mps for one in self._past if one.t_s >= now.t_s - self._window_s)
+        slowest = now.speed_mps
+        for one in reversed(self._past):
+            if one.t_s < now.t_s - self._window_s:
+                break
+            slowest = min(slowest, one.speed_mps)
         if now.t_s <= self._slip_until_s:
             return "slip"
         if now.t_s < self._gap_until_s or not now.healthy:
