@@ -133,7 +133,7 @@ def lag_of(track: MotionTrack, truth: MotionTruth) -> float:
 
 
 def _true_m(truth: MotionTruth, t_s: Floats) -> Floats:
-    true_m: Floats = np.interp(t_s, truth.t_s, truth.distance_m)
+    true_m: Floats = np.asarray(np.interp(t_s, truth.t_s, truth.distance_m), dtype=np.float64)
     return true_m
 
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import assert_never
 
-from services.odometry_fusion.motion_log import MotionLog, MotionRows, OdometryStep, Vehicle
+from services.odometry_fusion.motion_log import MotionLog, MotionRows, OdometryStep, Remembered, Vehicle
 from services.odometry_fusion.paper_odometry import PaperOdometry
 from services.odometry_fusion.settings import Config
 from services.odometry_fusion.wheel_odometry import WheelOdometry
 
 
-def begin(vehicle: Vehicle, config: Config) -> OdometryStep:
-    """The configured method, at work on a vehicle."""
+def begin(vehicle: Vehicle, config: Config, known: Remembered | None = None) -> OdometryStep:
+    """The configured method, at work on a vehicle, with what an earlier run has learned."""
     match config.method:
         case "wheel":
             return WheelOdometry(vehicle, config.wheel)
         case "paper":
-            return PaperOdometry(vehicle, config.paper)
+            return PaperOdometry(vehicle, config.paper, known)
         case "fused":
             msg = "fused"
             raise ValueError(msg)

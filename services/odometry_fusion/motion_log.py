@@ -137,6 +137,18 @@ def columns_of(rows: MotionRows) -> dict[str, NDArray[np.generic]]:
     return {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
 
 
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """What outlives a restart: it holds for the vehicle and its sensors, not for one run."""
+
+    roll_bias_radps: float = 0.0
+    """Of the angular rates gx, gy, gz, in this order."""
+    pitch_bias_radps: float = 0.0
+    yaw_bias_radps: float = 0.0
+    wheel_scale: float | None = None
+    """True over nominal wheel diameter."""
+
+
 class OdometryStep(Protocol):
     """A method of odometry at work: the same object serves a whole file in one call and live samples bit by bit.
 
@@ -147,4 +159,8 @@ class OdometryStep(Protocol):
 
     def advance(self, until_s: float, imu_t_s: Floats, imu: SixAxes, tacho_t_s: Floats, pulses: Counts) -> MotionRows:
         """Take in new samples, which follow those of earlier calls, and give the rows due until `until_s`."""
+        ...
+
+    def remembered(self) -> Remembered | None:
+        """What to keep for the next start; None while nothing has been learned."""
         ...

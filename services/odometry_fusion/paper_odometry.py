@@ -13,8 +13,8 @@ from services.odometry_fusion.motion_log import (
     Counts,
     Episode,
     Floats,
-    MotionLog,
     MotionRows,
+    Remembered,
     SixAxes,
     Vehicle,
 )
@@ -42,21 +42,25 @@ PHASES = ("began", "ended", "not_found")
 class PaperOdometry:
     """Wheel while it adheres, inertial sensor from a start point to re-adhesion while it slips."""
 
-    def __init__(self, vehicle: Vehicle, settings: PaperSettings) -> None:
-        """Begin at the first count."""
+    def __init__(self, vehicle: Vehicle, settings: PaperSettings, known: Remembered | None = None) -> None:
+        """Begin at the first count; biases of an earlier run serve until the next standstill."""
         self._rules = rules_of(settings, vehicle)
         self._share = settings.share
         self._ticks = TickMaker(vehicle)
         self._state = np.zeros(1, STATE)
         self._state["since_rest_s"] = settings.bias_hold_s
         self._state["ended_ns"] = np.iinfo(np.int64).min
+        if known is not None:
+            self._state["roll_bias_radps"] = known.roll_bias_radps
+            self._state["pitch_bias_radps"] = -known.pitch_bias_radps
+            self._state["yaw_bias_radps"] = known.yaw_bias_radps
+        self._rested = False
         self._tracks = np.zeros(MOST_TRACKS, TRACK)
         self._witnesses = np.zeros(WITNESSES, TRACK)
         self._witnesses["t_s"] = -1.0
         self._past = np.empty(0, TICK)
         self._past_smoothed = np.empty(0, SMOOTHED)
         self._past_turns = np.empty((0, 3))
-        self._delay_s = 0.0
 
     def advance(self, until_s: float, imu_t_s: Floats, imu: SixAxes, tacho_t_s: Floats, pulses: Counts) -> MotionRows:
         """Rows due until `until_s`, see `OdometryStep`."""
@@ -68,9 +72,17 @@ class PaperOdometry:
         events = np.zeros(2 * len(new) + 1, EVENT)
         count = run_ticks(ticks, smoothed, first, self._rules, self._state, self._tracks, self._witnesses, out, events)
         rows = self._rows(new, out, self._episodes(new, events[:count]))
+        self._rested = self._rested or bool(out["standstill"].any())
         kept = max(0, len(ticks) - HISTORY)
         self._past, self._past_smoothed = ticks[kept:], smoothed[kept:]
         return rows
+
+    def remembered(self) -> Remembered | None:
+        """Biases of the gyros, once the train has stood."""
+        if not self._rested:
+            return None
+        now = self._state[0]
+        return Remembered(float(now["roll_bias_radps"]), -float(now["pitch_bias_radps"]), float(now["yaw_bias_radps"]))
 
     def _rows(self, new: Records, out: Records, episodes: tuple[Episode, ...]) -> MotionRows:
         curvature = self._curvature(out)
@@ -93,10 +105,10 @@ class PaperOdometry:
             curvature_distance_m=curvature[:, 2],
             gradient_permille=out["gradient_permille"].copy(),
             wheel_scale=np.full(len(out), np.nan),
-            gyro_bias_radps=out["gyro_bias_radps"].copy(),
+            gyro_bias_radps=-out["gyro_bias_radps"],
             since_standstill_s=out["since_rest_s"].copy(),
             share_bound=self._share,
-            sensor_delay_s=self._delay_s,
+            sensor_delay_s=0.0,
             reasons=REASONS,
             episodes=episodes,
         )
@@ -128,9 +140,3 @@ class PaperOdometry:
             )
             for event in events
         )
-
-
-def run_paper(log: MotionLog, settings: PaperSettings) -> MotionRows:
-    """Odometry of a whole log."""
-    step = PaperOdometry(log.vehicle, settings)
-    return step.advance(log.end_s, log.imu_t_s, log.imu, log.tacho_t_s, log.pulses)

@@ -23,11 +23,18 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """The inertial sensor's device; without it, the first one heard."""
     axles: tuple[Device, ...] = ()
     """Devices of the pulse counters, the preferred one first; without any, those heard, in order of name."""
-    imu_latency_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.3
-    """By how much the inertial samples lag behind the pulses (`kirotei motion calibrate` finds it)."""
+    imu_latency_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    """By how much the stamps of live inertial samples are late, where their reader does not take it off already
+    (`kirotei motion calibrate` finds it). Files say their own."""
     max_gradient_permille: Annotated[float, Meta(ge=0.0, le=300.0)] = 35.0
     """Steepest gradient of the line."""
-    longest_wait_s: Annotated[float, Meta(ge=0.05, le=2.0)] = 0.3
-    """A row waits so long for the samples of its period; those that come later are used in the next one."""
+    longest_wait_s: Annotated[float, Meta(ge=0.05, le=5.0)] = 0.6
+    """A row waits so long for samples of its period; those that come later are left out."""
+    silence_s: Annotated[float, Meta(ge=0.2, le=60.0)] = 1.0
+    """After so long without any sample, rows go on without them, lost."""
+    state: bool = True
+    """Keep biases and wheel scale on disk, for the next start."""
+    state_folder: str = ""
+    """Where to keep them; empty for the host's state folder."""
     paper: PaperSettings = PaperSettings()
     wheel: WheelSettings = WheelSettings()

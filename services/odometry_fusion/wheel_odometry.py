@@ -15,7 +15,6 @@ from services.odometry_fusion.motion_log import (
     VALID,
     Counts,
     Floats,
-    MotionLog,
     MotionRows,
     SixAxes,
     Vehicle,
@@ -124,8 +123,6 @@ class WheelOdometry:
             reasons=REASONS,
         )
 
-
-def run_wheel(log: MotionLog, settings: WheelSettings) -> MotionRows:
-    """Odometry of a whole log by its wheel alone."""
-    step = WheelOdometry(log.vehicle, settings)
-    return step.advance(log.end_s, log.imu_t_s, log.imu, log.tacho_t_s, log.pulses)
+    def remembered(self) -> None:
+        """Nothing is learned."""
+        return

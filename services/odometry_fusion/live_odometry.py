@@ -1,0 +1,182 @@
+"""Odometry of live blocks: which samples are used when, and what becomes a message."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Final
+
+import numpy as np
+
+from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock
+from services.odometry_fusion.axle_choice import AxleChoice
+from services.odometry_fusion.methods import begin
+from services.odometry_fusion.motion_log import (
+    Counts,
+    Floats,
+    MotionRows,
+    OdometryStep,
+    Remembered,
+    SixAxes,
+    Vehicle,
+)
+from services.odometry_fusion.row_messages import episode_of, odometry_of
+from services.odometry_fusion.sample_buffer import SampleBuffer
+from services.odometry_fusion.settings import Config
+
+NS: Final = 1e9
+MOST_AXLES: Final = 8
+START_WAIT_S: Final = 2.0
+"""Odometry begins with the axles heard within this time of the first."""
+LONGEST_STEP_S: Final = 30.0
+"""Rows are made up for at most this long a silence at once."""
+
+
+class _Axle:
+    """One counter: its samples, and the odometry made of them."""
+
+    def __init__(self, device: str, counts: Counter[str]) -> None:
+        self.buffer = SampleBuffer(device, counts)
+        self.vehicle: tuple[float, float] | None = None
+        self.step: OdometryStep | None = None
+
+
+class LiveOdometry:
+    """Takes blocks in, gives messages; begins anew, with another origin, when clocks or wheels change."""
+
+    def __init__(self, config: Config, place: str, run: int, known: Remembered | None) -> None:
+        """`run` counts the starts of the service, so that no two origins are named alike."""
+        self._config = config
+        self._prefix = f"{place}-{run}"
+        self._known = known
+        self._origins = 0
+        self.counts: Counter[str] = Counter()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Forget all samples; the next row is the zero of a new origin."""
+        self._origins += 1
+        self.origin = f"{self._prefix}.{self._origins}"
+        self._imu = SampleBuffer("imu", self.counts)
+        self._imu_device = self._config.imu
+        self._axles: dict[str, _Axle] = {}
+        self._base_ns: int | None = None
+        self._choice = AxleChoice()
+        self._running: list[_Axle] = []
+        self._due_ns = 0
+
+    @property
+    def devices(self) -> tuple[str | None, str | None]:
+        """The inertial sensor in use, and the axle that leads."""
+        names = [name for name, axle in self._axles.items() if axle in self._running]
+        return self._imu_device, names[self._choice.leader] if names else None
+
+    def remembered(self) -> Remembered | None:
+        """What to keep for the next start."""
+        found = self._running[self._choice.leader].step if self._running else None
+        now = None if found is None else found.remembered()
+        return self._known if now is None else now
+
+    def take(self, block: ImuBlock | TachoBlock, device: str) -> list[Odometry | SlipEpisode]:
+        """Messages that a block makes due."""
+        match block:
+            case ImuBlock():
+                self._imu_device = self._imu_device or device
+                if device != self._imu_device:
+                    self.counts["imu_unused"] += 1
+                    return []
+                self._imu.add_imu(block)
+                leapt = self._imu.leapt
+            case TachoBlock():
+                axle = self._axle(device)
+                if axle is None:
+                    self.counts["tacho_unused"] += 1
+                    return []
+                wheel = (block.pulses_per_revolution, block.wheel_diameter_m)
+                changed = axle.vehicle is not None and axle.vehicle != wheel
+                axle.vehicle = wheel
+                axle.buffer.add_tacho(block)
+                leapt = axle.buffer.leapt or changed
+        if leapt:
+            self.counts["begun_anew"] += 1
+            self._begin()
+            return self.take(block, device)
+        return self._due()
+
+    def _axle(self, device: str) -> _Axle | None:
+        """The axle of a device; None for one that is not wanted, or comes when all is running."""
+        wanted = self._config.axles
+        if device not in self._axles:
+            late = self._running or len(self._axles) >= MOST_AXLES
+            if late or (wanted and device not in wanted):
+                return None
+            self._axles[device] = _Axle(device, self.counts)
+        return self._axles[device]
+
+    def _due(self) -> list[Odometry | SlipEpisode]:
+        """Rows whose samples are there, or have been waited for."""
+        lasts = [axle.buffer.last_ns for axle in self._axles.values()] + [self._imu.last_ns]
+        heard = [one for one in lasts if one is not None]
+        if not any(axle.buffer.last_ns is not None for axle in self._axles.values()):
+            return []
+        newest_ns = max(heard)
+        complete = len(heard) == len(lasts) and len(self._axles) >= max(1, len(self._config.axles))
+        if not self._running:
+            if not complete and newest_ns - min(heard) < START_WAIT_S * NS:
+                return []
+            self._start()
+        waited_ns = newest_ns - round(self._config.longest_wait_s * NS)
+        return self._rows(max(min(heard), waited_ns) if len(heard) == len(lasts) else waited_ns)
+
+    def silent(self, silent_s: float) -> list[Odometry | SlipEpisode]:
+        """Rows without samples, `silent_s` after the last ones came."""
+        lasts = [axle.buffer.last_ns for axle in self._running] + [self._imu.last_ns]
+        newest_ns = max((one for one in lasts if one is not None), default=None)
+        if newest_ns is None or not self._running or silent_s < self._config.silence_s:
+            return []
+        return self._rows(newest_ns + round((min(silent_s, LONGEST_STEP_S) - self._config.longest_wait_s) * NS))
+
+    def _start(self) -> None:
+        order = list(self._config.axles) or sorted(self._axles)
+        self._axles = {name: self._axles[name] for name in order if name in self._axles}
+        for axle in self._axles.values():
+            if axle.buffer.last_ns is None or axle.vehicle is None:
+                continue
+            vehicle = Vehicle(*axle.vehicle, self._config.imu_latency_s, self._config.max_gradient_permille)
+            axle.step = begin(vehicle, self._config, self._known)
+            self._running.append(axle)
+
+    def _rows(self, until_ns: int) -> list[Odometry | SlipEpisode]:
+        imu_ns, imu = self._imu.take()
+        values: SixAxes = np.concatenate(imu).astype(np.float64) if imu else np.empty((0, 6))
+        counted: list[tuple[Counts, Counts]] = []
+        for axle in self._running:
+            times_ns, pulses = axle.buffer.take()
+            counted.append((times_ns, np.concatenate(pulses).astype(np.int64) if pulses else np.empty(0, np.int64)))
+        if self._base_ns is None:
+            self._base_ns = max(int(times_ns[0]) for times_ns, _ in counted)
+            counted = [_from(self._base_ns, times_ns, pulses) for times_ns, pulses in counted]
+        base_ns = self._base_ns
+        self._due_ns = max(self._due_ns, until_ns)
+        until_s, imu_s = (self._due_ns - base_ns) / NS, _s(imu_ns, base_ns)
+        rows: list[MotionRows] = []
+        for axle, (times_ns, counts) in zip(self._running, counted, strict=True):
+            if axle.step is not None:
+                rows.append(axle.step.advance(until_s, imu_s, values, _s(times_ns, base_ns), counts))
+        return self._messages(self._choice.advance(rows), base_ns)
+
+    def _messages(self, rows: MotionRows, base_ns: int) -> list[Odometry | SlipEpisode]:
+        method, origin = self._config.method, self.origin
+        found: list[Odometry | SlipEpisode] = [episode_of(one, base_ns, origin) for one in rows.episodes]
+        found += [odometry_of(rows, at, base_ns, method, origin) for at in range(len(rows))]
+        return sorted(found, key=lambda one: one.t_ns)
+
+
+def _s(t_ns: Counts, base_ns: int) -> Floats:
+    return (t_ns - base_ns) / NS
+
+
+def _from(base_ns: int, times_ns: Counts, pulses: Counts) -> tuple[Counts, Counts]:
+    """Counts from an instant on, with the count that stood then: all axles begin their rows there."""
+    at = int(np.searchsorted(times_ns, base_ns, side="right")) - 1
+    begun_ns = np.r_[base_ns, times_ns[at + 1 :]]
+    return begun_ns, np.r_[pulses[at], pulses[at + 1 :]]
