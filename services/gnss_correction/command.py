@@ -139,8 +139,8 @@ def _base(observations: Path | None, position: str | None) -> Base | None:
 @app.command()
 def solve(
     *,
-    rover: Annotated[Path, typer.Option("--rover", help="RINEX observation file.")],
-    nav: Annotated[list[Path], typer.Option("--nav", help="RINEX navigation file; may be given several times.")],
+    rover: Annotated[Path, typer.Option("--rover", help="Observations: RINEX, or RTCM 3 or UBX as received.")],
+    nav: Annotated[list[Path], typer.Option("--nav", help="Ephemerides: RINEX, RTCM 3 or UBX; as often as needed.")],
     out: Annotated[Path, typer.Option("--out", help="fixes.csv to write: one row per epoch.")],
     method: Annotated[
         str | None,
@@ -159,7 +159,8 @@ def solve(
         Path | None, typer.Option("--wheel", help="Speed by the wheels for method line: CSV gps_week,tow_s,speed_mps.")
     ] = None,
     base: Annotated[
-        Path | None, typer.Option("--base", help="RINEX observation file of a base receiver that corrects the rover's.")
+        Path | None,
+        typer.Option("--base", help="Recording of a base receiver that corrects the rover's: RINEX, RTCM 3 or UBX."),
     ] = None,
     base_position: Annotated[
         str | None, typer.Option("--base-position", help="Where the base stands: LAT,LON,H in degrees and metres.")
