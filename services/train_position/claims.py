@@ -63,7 +63,10 @@ class Claim:
 
 
 def offsets_of(axis_m: float, bound_m: float, then: Instant) -> Interval:
-    """Interval at an instant as offsets from the sums of displacement, which hold at any time."""
+    """Interval at an instant as offsets from the sums of displacement, which hold at any time.
+
+    Once the sums have drifted apart an offset's ends may cross; only the places that follow are an interval.
+    """
     reach_m = bound_m + then.provisional_m
     return Interval(axis_m - reach_m - then.least_m, axis_m + reach_m - then.greatest_m)
 

@@ -61,6 +61,7 @@ def run_command(
     passes: Annotated[Path | None, typer.Option(help="Write error against bound at every reference here.")] = None,
     start_axis_m: Annotated[float | None, typer.Option(help="Where the front end began, where that is known.")] = None,
     start_bound_m: Annotated[float, typer.Option(help="Error of that.")] = 5.0,
+    direction: Annotated[str | None, typer.Option(help="Where the vehicle's forward axis points: up or down.")] = None,
     share_bound: Annotated[
         float, typer.Option(help="Largest share of the odometry's bound that is wheel scale.")
     ] = 0.02,
@@ -89,6 +90,8 @@ def run_command(
 
     with told("run"):
         settings = _settings(config)
+        if direction is not None:
+            settings = _facing(settings, direction)
         places = LinePlaces(load_line(line).line)
         odometry = odometry_of(motion, share_bound)
         arrivals: list[tuple[int, Message]] = [(one.t_ns, one) for one in odometry]
@@ -125,6 +128,16 @@ def _start(t_ns: int, axis_m: float, bound_m: float, places: Any) -> Message:  #
         chainage_m=places.chainage_m("", axis_m),
         chainage_bound_m=bound_m,
     )
+
+
+def _facing(settings: Config, direction: str) -> Config:
+    """Settings with a direction that is known."""
+    import msgspec
+
+    if direction not in {"up", "down"}:
+        msg = f"--direction: {direction!r} is neither up nor down"
+        raise UsageError(msg)
+    return msgspec.structs.replace(settings, facing=direction)
 
 
 def _settings(path: Path | None) -> Config:

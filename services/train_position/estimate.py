@@ -17,8 +17,6 @@ from services.train_position.reach import Instant
 
 SCALE_WALK: Final = 1e-10
 """Variance per metre of the scale: 0.1 % per 10 km, as tyres warm and creep changes."""
-CORRELATED_S: Final = 10.0
-"""Errors of satellites last about so long; claims closer together count for less."""
 
 
 class Estimate:

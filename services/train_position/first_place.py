@@ -5,7 +5,7 @@ A single curve may be another one that looks like it; two in the right distance 
 
 from __future__ import annotations
 
-from services.train_position.claims import Claim, offsets_of
+from services.train_position.claims import Claim, offsets_of, places_of
 from services.train_position.held import Held
 from services.train_position.reach import Instant
 
@@ -26,9 +26,9 @@ class FirstPlace:
         self._landmark = (claim, then)
         if earlier is not None and earlier[0].name != claim.name:
             before, at = earlier
-            common = offsets_of(before.axis_m, before.bound_m, at).overlap(
-                offsets_of(claim.axis_m, claim.bound_m, then)
-            )
+            now = held.reach.now or then
+            supposed = places_of(offsets_of(before.axis_m, before.bound_m, at), now)
+            common = supposed.overlap(places_of(offsets_of(claim.axis_m, claim.bound_m, then), now))
             if common.width_m >= 0.0:
                 self._landmark = None
                 return [(before, at), (claim, then)]

@@ -25,19 +25,20 @@ STATUSES: Final[tuple[MotionStatus, ...]] = get_args(MotionStatus)
 def odometry_of(path: Path, share: float) -> list[Odometry]:
     """Odometry of a motion.csv.
 
-    The table bounds the distance from the first row alone. Its bound's rise is split into a share of the way,
-    no more than `share`, and what is left, which counts as excess. Raises TableError, OSError.
+    The table bounds the distance from the first row alone. What its bound rises by is split into a share of the
+    way, no more than `share`, and what is left, which counts as excess; a bound that falls takes nothing back.
+    Raises TableError, OSError.
     """
     table = read_table(path, ("t_s", "distance_m", "speed_mps", "bound_m", "status"))
     made: list[Odometry] = []
-    distance_m = way_m = excess_m = bound_m = peak_m = 0.0
+    distance_m = way_m = excess_m = bound_m = 0.0
     for line, row in table.rows:
         before_m, distance_m = distance_m, table.number(line, row, "distance_m")
-        bound_m = table.number(line, row, "bound_m")
+        lower_m, bound_m = bound_m, table.number(line, row, "bound_m")
         if bound_m < 0.0:
             raise TableError(path, line, f"bound_m is {bound_m}")
         moved_m = abs(distance_m - before_m) if made else 0.0
-        rise_m, peak_m = max(bound_m - peak_m, 0.0), max(peak_m, bound_m)
+        rise_m = max(bound_m - lower_m, 0.0) if made else 0.0
         part = min(share, rise_m / moved_m) if moved_m > 0.0 else 0.0
         way_m, excess_m = way_m + moved_m, excess_m + rise_m - part * moved_m
         status = next((one for one in STATUSES if one == row["status"]), None)

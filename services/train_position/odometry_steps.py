@@ -109,15 +109,24 @@ class OdometrySteps:
             if self._refused <= MOST_REFUSED:
                 held.refuse("odometry", odometry.t_ns, "odometry", refusal)
                 return None
-            if odometry.t_ns <= now.t_ns:
-                # Its clock was set back. The way it counts goes on, the history cannot be used any more.
-                held.reach.begin(now._replace(t_ns=odometry.t_ns - 1), held.reach.share)
-                if held.reach.refusal(odometry):
-                    return self._new_origin(odometry, now._replace(t_ns=odometry.t_ns - 1))
-            else:
+            if odometry.t_ns > now.t_ns:
                 return self._new_origin(odometry, now)
+            return self._set_back(odometry, now)
         self._step(held.reach, odometry, now)
         return []
+
+    def _set_back(self, odometry: Odometry, now: Instant) -> list[Message]:
+        """Its clock was set back: the way it counts goes on, the history cannot be used any more."""
+        held = self._held
+        held.reach.begin(now._replace(t_ns=odometry.t_ns - 1), held.reach.share)
+        counts_on = odometry.way_m >= now.way_m and odometry.excess_m >= now.excess_m
+        far_m = held.config.most_speed_mps * held.config.longest_gap_s
+        if counts_on and abs(odometry.distance_m - now.distance_m) <= far_m:
+            self._step(held.reach, odometry, now)
+            return [held.event("change", "the odometry's clock was set back; its way goes on", odometry.t_ns)]
+        self._step(held.reach, odometry, now)
+        held.lose("the odometry's clock was set back and its way jumped: a reference must tell the place")
+        return [held.event("change", held.lost, odometry.t_ns)]
 
     def _step(self, reach: Reach, odometry: Odometry, now: Instant) -> None:
         held = self._held

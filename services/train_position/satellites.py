@@ -20,7 +20,7 @@ from services.train_position.reach import Instant, Sense
 BOUND_SIGMAS: Final = 4.2
 """A bound of satellites is so many standard deviations (services.gnss_correction)."""
 LEAST_SIGMA_M: Final = 0.3
-CORRELATED_S: Final = 10.0
+CORRELATED_S: Final = 5.0
 """Errors of satellites last about so long: claims closer together count for less in the estimate."""
 LARGEST_BOUND_M: Final = 2000.0
 """A wider claim says nothing."""

@@ -159,9 +159,7 @@ def test_true_sources_bound_the_truth(
     steps=st.lists(st.tuples(st.integers(1, 30), st.floats(-1.0, 1.0), st.floats(0.0, 5.0)), max_size=12),
     wheel=st.floats(-0.02, 0.02),
 )
-def test_the_interval_never_shrinks_without_a_reference(
-    steps: list[tuple[int, float, float]], wheel: float
-) -> None:
+def test_the_interval_never_shrinks_without_a_reference(steps: list[tuple[int, float, float]], wheel: float) -> None:
     run = run_with(axis_m=12_000.0, wheel_error=wheel)
     run.go(1.0, 1.0)
     run.hear(run.front_end(0.0, 20.0))
