@@ -7,10 +7,15 @@ import sys
 import typer
 
 from services.gnss_correction import command as gnss
+from services.landmark_matching import command as landmarks
+from services.line import command as line
+from services.motion_sensors import command as motion_sensors
+from services.odometry_fusion import command as motion
 from services.recorder import command as recorder
 from services.runtime import bench_command, bus_command, demo_command, warm_up_command
 from services.runtime import command as runtime
 from services.simulator import command as simulator
+from services.train_position import command as position
 
 app = typer.Typer(
     name="kirotei",
@@ -28,7 +33,14 @@ app.command()(recorder.record)
 app.command()(recorder.replay)
 app.add_typer(recorder.recording_app, name="recording")
 app.add_typer(gnss.app, name="gnss")
+motion.app.command("import")(motion_sensors.import_log)
+motion.app.command()(motion_sensors.calibrate)
+app.add_typer(motion.app, name="motion")
+app.add_typer(landmarks.app, name="landmarks")
+app.add_typer(position.app, name="position")
+app.add_typer(line.app, name="line")
 app.command()(simulator.simulate)
+app.command()(simulator.fault)
 app.command()(bus_command.topics)
 app.command()(bus_command.schema)
 app.command()(bus_command.decode)

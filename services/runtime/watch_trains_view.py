@@ -25,15 +25,24 @@ SHAPES: Final = {
 CHART_S: Final = 60.0
 RULERS_M: Final = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
 """Half a ruler's length: the shortest that holds both bounds."""
+COLUMNS: Final[tuple[tuple[int, tuple[str, ...]], ...]] = (
+    (124, ("status", "age", "chainage", "speed", "bounds", "reference", "error", "outside", "minute")),
+    (92, ("status", "age", "chainage", "speed", "bounds", "reference", "error", "outside")),
+    (56, ("status", "age", "chainage", "speed", "bounds", "error")),
+    (0, ("status", "chainage", "bounds")),
+)
+"""Least width and what is shown from there on; how the position stands, and its bounds, never go."""
 LEAST_TOP_M: Final = 2.0
-REASON_CHARACTERS: Final = 80
 
 
 def train_panel(view: TrainView, now_s: float, language: Language) -> RenderableType:
     """Everything about one train's place."""
-    rows = [_figures(view, now_s, language)]
-    if not view.stale(now_s) and view.position is not None and view.position.axis_m is not None:
-        rows.append(Ruler(view, language))
+    rows: list[RenderableType] = [_FigureTable(view, now_s, language)]
+    if not view.stale(now_s) and view.position is not None:
+        if view.position.reason:
+            rows.append(Text(view.position.reason, style="yellow"))
+        if view.position.axis_m is not None:
+            rows.append(Ruler(view, language))
     rows.extend(_events(view, now_s))
     return Panel(Group(*rows), title=Text(word("place_of", language, train=view.train)), title_align="left")
 
@@ -43,38 +52,50 @@ def status_of(view: TrainView, now_s: float) -> str:
     return "stale" if view.position is None or view.stale(now_s) else view.position.status
 
 
-def _figures(view: TrainView, now_s: float, language: Language) -> RenderableType:
-    status = status_of(view, now_s)
-    shape, colour = SHAPES[status]
-    position = view.position if status != "stale" else None
-    told = f"{shape} {word(status if status != 'lost' else 'no_position', language)}"
-    if position is not None and position.reason:
-        told += f": {position.reason[:REASON_CHARACTERS]}"
-    cells: dict[str, RenderableType] = {
-        "status": Text(told, style=colour),
-        "age": Text(f"{view.age_s(now_s):.1f} s" if math.isfinite(view.heard_s) else "-"),
-        "chainage": Text(_place(position), style="bold"),
-        "speed": Text(
-            "-" if position is None or position.speed_mps is None else f"{position.speed_mps * 3.6:.0f} km/h"
-        ),
-        "bounds": Text("-" if position is None else _bounds(position.bound_behind_m, position.bound_ahead_m)),
-        "reference": Text(_reference(position)),
-        "error": Text("-" if position is None or view.error_m is None else f"{-view.error_m:+.1f} m"),
-        "outside": Text(str(view.outside) if view.errors else "-", style="bold red" if view.outside else ""),
-        "minute": Sparkline(list(view.errors), now_s - CHART_S, now_s, _top_m(view, now_s), "cyan"),
-    }
-    table = Table(box=None, expand=True, pad_edge=False)
-    for name in cells:
-        right = name not in ("status", "reference", "minute")
-        table.add_column(
-            word(name, language, top=_top_m(view, now_s)),
-            justify="right" if right else "left",
-            no_wrap=name not in ("status", "reference"),
-            ratio=1 if name == "minute" else None,
-            min_width=12 if name == "minute" else None,
-        )
-    table.add_row(*cells.values())
-    return table
+@dataclass(frozen=True, slots=True)
+class _FigureTable:
+    """The figures of one train; where the terminal is narrow the less important ones go."""
+
+    view: TrainView
+    now_s: float
+    language: Language
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """The table, for the width at hand."""
+        del console
+        names = next(columns for least, columns in COLUMNS if options.max_width >= least)
+        cells = self._cells()
+        top_m = _top_m(self.view, self.now_s)
+        table = Table(box=None, expand=True, pad_edge=False)
+        for name in names:
+            table.add_column(
+                word(name, self.language, top=top_m),
+                justify="left" if name in ("status", "reference", "minute") else "right",
+                no_wrap=True,
+                ratio=1 if name == "minute" else None,
+                min_width=12 if name == "minute" else None,
+            )
+        table.add_row(*(cells[name] for name in names))
+        yield table
+
+    def _cells(self) -> dict[str, RenderableType]:
+        view, now_s = self.view, self.now_s
+        status = status_of(view, now_s)
+        shape, colour = SHAPES[status]
+        position = view.position if status != "stale" else None
+        told = f"{shape} {word(status if status != 'lost' else 'no_position', self.language)}"
+        bounds = "-" if position is None else _bounds(position.bound_behind_m, position.bound_ahead_m)
+        return {
+            "status": Text(told, style=colour),
+            "age": Text(f"{view.age_s(now_s):.1f} s" if math.isfinite(view.heard_s) else "-"),
+            "chainage": Text(_place(position), style="bold"),
+            "speed": Text(_speed(position)),
+            "bounds": Text(bounds),
+            "reference": Text(_reference(position)),
+            "error": Text("-" if position is None or view.error_m is None else f"{-view.error_m:+.1f} m"),
+            "outside": Text(str(view.outside) if view.errors else "-", style="bold red" if view.outside else ""),
+            "minute": Sparkline(list(view.errors), now_s - CHART_S, now_s, _top_m(view, now_s), "cyan"),
+        }
 
 
 def _top_m(view: TrainView, now_s: float) -> float:
