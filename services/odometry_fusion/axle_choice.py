@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from services.odometry_fusion.motion_log import PERIOD_S, VALID, MotionRows
+from services.odometry_fusion.motion_log import PERIOD_S, VALID, MotionRows, columns_of
 
 HANDOVER_ROWS: Final = round(10.0 / PERIOD_S)
 """At a handover the last 10 s are taken from the new axle: the old one may have slipped unseen before it was seen."""
@@ -35,8 +35,9 @@ class AxleChoice:
             self._step(axles, at)
             sums[at], leaders[at] = self._sum[-1], self.leader
         lead = axles[self.leader]
-        names = [name for name in MotionRows.__dataclass_fields__ if isinstance(getattr(lead, name), np.ndarray)]
-        columns = {name: np.choose(leaders, [getattr(rows, name) for rows in axles]) for name in names if name != "t_s"}
+        columns: dict[str, Any] = {
+            name: np.choose(leaders, [columns_of(rows)[name] for rows in axles]) for name in columns_of(lead)
+        }
         shift_m = sums[:, 0] - columns["distance_m"]
         columns["curvature_distance_m"] = columns["curvature_distance_m"] + shift_m
         columns["distance_m"], columns["way_m"], columns["excess_m"] = sums[:, 0], sums[:, 1], sums[:, 2]

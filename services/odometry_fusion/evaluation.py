@@ -133,14 +133,14 @@ def lag_of(track: MotionTrack, truth: MotionTruth) -> float:
 
 
 def _true_m(truth: MotionTruth, t_s: Floats) -> Floats:
-    true_m: Floats = np.asarray(np.interp(t_s, truth.t_s, truth.distance_m), dtype=np.float64)
-    return true_m
+    return np.interp(t_s, truth.t_s, truth.distance_m)
 
 
 def error_of(track: MotionTrack, truth: MotionTruth, lag_s: float = 0.0) -> Floats:
     """Error of the distance since the first row, shape (n,)."""
     true_m = _true_m(truth, track.t_s - lag_s)
-    return track.distance_m - track.distance_m[0] - (true_m - true_m[0])
+    error_m: Floats = track.distance_m - track.distance_m[0] - (true_m - true_m[0])
+    return error_m
 
 
 def _cost_m(wheel: WheelWay | None, truth: MotionTruth, span: SlipSpan) -> float:

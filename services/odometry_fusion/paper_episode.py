@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from services.numerics.kernel import kernel
 from services.odometry_fusion.motion_log import PERIOD_S
-from services.odometry_fusion.paper_error import closed_error, distance_error
+from services.odometry_fusion.paper_error import acceleration_error, closed_error, distance_error
 from services.odometry_fusion.paper_layout import ADHERING, CORRECTING, OVERDUE
 from services.odometry_fusion.paper_readhesion import adheres_again
 from services.odometry_fusion.paper_start_point import least_jerk, start_point
@@ -14,6 +14,8 @@ from services.odometry_fusion.tick_layout import Records
 BEGAN, ENDED, NO_END = 0, 1, 2
 RESUME_TICKS = 30
 """After a correction that found no end, the wheel is taken up again once accelerations have agreed for so long."""
+STUCK_SHARE = 1.5
+"""A wheel at a standstill is not believed while the inertial speed is beyond so many times its own error."""
 CLOSING_SHARE = 0.6
 """Share of (drift of speed × time) that is drift of distance: ½ by a wrong pitch, 1 by a wrong initial speed."""
 
@@ -131,25 +133,40 @@ def resume_wheel(ticks: Records, smoothed: Records, at: int, rules: Records, sta
     likely share of it, and all that the drift may have cost stays in the bound.
     """
     now, own = state[0], tracks[0:1]
-    agree = smoothed[at].ready != 0 and ticks[at].tacho_missing_s <= 0.0
-    agree = agree and abs(smoothed[at].ax_mps2 - smoothed[at].wheel_mps2) <= rules[0].detection_mps2
+    if smoothed[at].ready == 0 or smoothed[at].wheel_ready == 0:
+        now.agreeing = 0
+        return -1.0
+    drift_mps = own[0].speed_mps - smoothed[at].speed_mps
+    stuck = (
+        smoothed[at].speed_mps == 0.0
+        and abs(drift_mps) > STUCK_SHARE * acceleration_error(rules, own[0].t_s, now.since_rest_s) * own[0].t_s
+    )
+    agree = abs(smoothed[at].ax_mps2 - smoothed[at].wheel_mps2) <= rules[0].detection_mps2 and not stuck
     now.agreeing = now.agreeing + 1 if agree else 0
-    if now.agreeing < RESUME_TICKS:
+    late = own[0].t_s > 2.0 * rules[0].longest_s and abs(smoothed[at].speed_mps) > 1.0
+    if now.agreeing < RESUME_TICKS and not late:
         return -1.0
     distance_m, _, _ = present(own, ticks, at, rules[0].window)
-    drift_m = (own[0].speed_mps - smoothed[at].speed_mps) * own[0].t_s
-    now.offset_m = distance_m - CLOSING_SHARE * drift_m - ticks[at].aligned_m
-    bound_m = CLOSING_SHARE * abs(drift_m) + distance_error(rules, min(own[0].t_s, 12.0), now.since_rest_s)
+    apart_m = distance_m - ticks[at].aligned_m - now.start_offset_m
+    drift_m = drift_mps * own[0].t_s
+    trusted_m = distance_error(rules, min(own[0].t_s, rules[0].longest_s), now.since_rest_s)
+    if late or (now.forced and abs(apart_m) <= trusted_m):
+        # The wheel has counted on; what an inertial track of that age says of it belongs to the bound.
+        now.offset_m = now.start_offset_m
+        bound_m = min(abs(apart_m), 2.0 * trusted_m) if late else 0.0
+    else:
+        now.offset_m += apart_m - CLOSING_SHARE * drift_m
+        bound_m = CLOSING_SHARE * abs(drift_m) + distance_error(rules, min(own[0].t_s, 12.0), now.since_rest_s)
     _close(ticks[at].t_ns, state)
     return float(bound_m)
 
 
 @kernel
-def give_up(ticks: Records, at: int, state: Records, tracks: Records, rules: Records) -> float:
+def give_up(ticks: Records, at: int, state: Records, tracks: Records, rules: Records, wrong_axes: int) -> float:
     """Leave a correction that lost its inertial sensor; gives the error that this may leave [m]."""
     now, own = state[0], tracks[0:1]
     distance_m, speed_mps, _ = present(own, ticks, at, rules[0].window)
-    now.offset_m = distance_m - ticks[at].aligned_m
+    now.offset_m = now.start_offset_m if wrong_axes else distance_m - ticks[at].aligned_m
     gap_mps = abs(speed_mps - ticks[at].wheel_speed_mps)
     bound_m = distance_error(rules, own[0].t_s, now.since_rest_s) + gap_mps * 10.0
     _close(ticks[at].t_ns, state)

@@ -36,6 +36,7 @@ def _floats(*names: str) -> list[tuple[str, type[np.float64]]]:
 
 SMOOTHED: Final[np.dtype[Any]] = np.dtype([
     ("ready", np.int64),
+    ("wheel_ready", np.int64),
     *_floats(
         # forces along the vehicle's axes, and the paper's rates: roll right side down, pitch nose up, yaw left
         "ax_mps2",
@@ -53,7 +54,7 @@ SMOOTHED: Final[np.dtype[Any]] = np.dtype([
         "jerk_wheel",
     ),
 ])  # fmt: skip
-"""Moving averages at one tick; `ready` 0 while the window holds anything missing."""
+"""Moving averages at one tick; `ready` and `wheel_ready` 0 while inertial samples or counts are missing in it."""
 
 RULES: Final[np.dtype[Any]] = np.dtype([
     ("window", np.int64),
@@ -113,6 +114,8 @@ STATE: Final[np.dtype[Any]] = np.dtype([
     ("watched", np.int64),
     ("reopenable", np.int64),
     ("ended_slip", np.int64),
+    ("tilted", np.int64),
+    ("wrong_axes", np.int64),
     *_floats(
         # distance = way + offset while adhering
         "offset_m",
@@ -127,6 +130,11 @@ STATE: Final[np.dtype[Any]] = np.dtype([
         "yaw_bias_radps",
         "rest_s",
         "apart_m",
+        "rest_ax_mps2",
+        "rest_ay_mps2",
+        "proof_s",
+        "proof_x_mps",
+        "proof_y_mps",
     ),
 ])  # fmt: skip
 """What is kept between ticks."""

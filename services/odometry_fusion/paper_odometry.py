@@ -54,6 +54,7 @@ class PaperOdometry:
             self._state["roll_bias_radps"] = known.roll_bias_radps
             self._state["pitch_bias_radps"] = -known.pitch_bias_radps
             self._state["yaw_bias_radps"] = known.yaw_bias_radps
+        self._state["proof_s"] = -1.0
         self._rested = False
         self._tracks = np.zeros(MOST_TRACKS, TRACK)
         self._witnesses = np.zeros(WITNESSES, TRACK)

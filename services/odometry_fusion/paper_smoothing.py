@@ -10,6 +10,8 @@ from services.numerics.kernel import kernel
 from services.odometry_fusion.motion_log import PERIOD_S
 from services.odometry_fusion.tick_layout import Records
 
+LONGEST_SILENCE_S = 0.5
+"""The wheel's last speed is held for so long after its last count."""
 LONGEST_HOLD_S = 0.3
 """Missing samples are bridged so long by the last ones."""
 
@@ -22,11 +24,11 @@ def smooth(ticks: Records, at: int, window: int, speed_window: int, out: Records
     With a speed of a single period (0.3 m/s per pulse) Ap would be coarser than what it is compared with.
     """
     now = out[at]
-    now.ready = 0
+    now.ready = now.wheel_ready = 0
     if at < window + 1:
         return
     ax = ay = az = gx = gy = gz = way = 0.0
-    ready = 1
+    ready = wheel_ready = 1
     for k in range(at - window + 1, at + 1):
         tick = ticks[k]
         ax += tick.ax_mps2
@@ -38,6 +40,8 @@ def smooth(ticks: Records, at: int, window: int, speed_window: int, out: Records
         way += 0.5 * (tick.aligned_m + ticks[k - 1].aligned_m)
         if tick.imu_missing_s > LONGEST_HOLD_S:
             ready = 0
+        if tick.tacho_missing_s > LONGEST_SILENCE_S:
+            wheel_ready = 0
     now.ax_mps2, now.ay_mps2, now.az_mps2 = ax / window, ay / window, az / window
     now.roll_radps, now.pitch_radps, now.yaw_radps = gx / window, -gy / window, gz / window
     now.way_m = way / window
@@ -47,4 +51,4 @@ def smooth(ticks: Records, at: int, window: int, speed_window: int, out: Records
     now.wheel_mps2 = (late_mps - early_mps) / ((window - speed_window) * PERIOD_S)
     now.jerk_imu = now.ax_mps2 - out[at - 1].ax_mps2
     now.jerk_wheel = now.wheel_mps2 - out[at - 1].wheel_mps2
-    now.ready = ready
+    now.ready, now.wheel_ready = ready, wheel_ready

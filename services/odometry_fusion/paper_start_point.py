@@ -12,6 +12,7 @@ def is_calm(smoothed: Records, at: int, jerk_imu: float, jerk_wheel: float, jerk
     now = smoothed[at]
     return bool(
         now.ready != 0
+        and now.wheel_ready != 0
         and abs(now.jerk_imu) <= jerk_imu
         and abs(now.jerk_wheel) <= jerk_wheel
         and abs(now.jerk_imu - now.jerk_wheel) <= jerk_difference
@@ -38,7 +39,7 @@ def least_jerk(smoothed: Records, latest: int, earliest: int) -> int:
     """The ready tick in [earliest, latest] whose jerks differ least, for want of a start point; -1 for none."""
     best = -1
     for k in range(latest, earliest - 1, -1):
-        if smoothed[k].ready == 0:
+        if smoothed[k].ready == 0 or smoothed[k].wheel_ready == 0:
             continue
         if best < 0 or abs(smoothed[k].jerk_imu - smoothed[k].jerk_wheel) < abs(
             smoothed[best].jerk_imu - smoothed[best].jerk_wheel

@@ -30,15 +30,15 @@ from services.odometry_fusion.paper_layout import (
     NOT_FOUND,
     OVERDUE,
     WAS_NOT_FOUND,
+    WRONG_AXES,
 )
+from services.odometry_fusion.paper_mounting import watch_mounting
 from services.odometry_fusion.paper_rest import watch_rest
-from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, smooth
-from services.odometry_fusion.paper_track import present
+from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, LONGEST_SILENCE_S, smooth
+from services.odometry_fusion.paper_track import FASTEST_MPS, present
 from services.odometry_fusion.paper_witness import FACTOR, dismiss, watch_wheel
 from services.odometry_fusion.tick_layout import Records
 
-LONGEST_SILENCE_S = 0.5
-"""The wheel's last speed is held for so long after its last count."""
 HARDEST_MPS2 = 1.4
 """No train speeds up or brakes harder in service."""
 SLIP_MPS2 = 0.7
@@ -99,7 +99,8 @@ def _step(
     count: int,
 ) -> int:
     now, tick, rule = state[0], ticks[at], rules[0]
-    no_imu = tick.imu_missing_s > LONGEST_HOLD_S
+    wrong_axes = watch_mounting(ticks, at, state)
+    no_imu = tick.imu_missing_s > LONGEST_HOLD_S or wrong_axes
     no_pulses = tick.tacho_missing_s > LONGEST_SILENCE_S
     now.excess_m += tick.doubt_m
     stands = False
@@ -112,8 +113,10 @@ def _step(
         follow_ended(smoothed, at, rules, state, tracks)
         _watch_gap(tick.way_m, no_imu, state)
         now.forced = 1 if no_pulses else 0
-        slips = smoothed[at].ready != 0 and accelerations_differ(
-            smoothed[at].ax_mps2, smoothed[at].wheel_mps2, rule.detection_mps2
+        slips = (
+            smoothed[at].ready != 0
+            and smoothed[at].wheel_ready != 0
+            and accelerations_differ(smoothed[at].ax_mps2, smoothed[at].wheel_mps2, rule.detection_mps2)
         )
         if (slips or no_pulses) and not no_imu and begin_episode(ticks, smoothed, at, rules, state, tracks):
             m = distance_error(rules, tracks[0].t_s, now.since_rest_s)
@@ -122,6 +125,8 @@ def _step(
         dismiss(witnesses)
         count = _correct(ticks, smoothed, at, row, rules, state, tracks, events, count, no_imu)
     _write(ticks, smoothed, at, rules, state, tracks, out, row, stands, no_imu, no_pulses)
+    if wrong_axes and out[row].status == DEGRADED:
+        out[row].reason = WRONG_AXES
     return count
 
 
@@ -145,7 +150,7 @@ def _correct(
     chosen = step_episode(ticks, smoothed, at, rules, state, tracks)
     phase, bound_m = ENDED, -1.0
     if no_imu:
-        bound_m = give_up(ticks, at, state, tracks, rules)
+        bound_m = give_up(ticks, at, state, tracks, rules, now.wrong_axes)
         phase = NO_END
     elif chosen >= 0:
         if chosen > 0:
@@ -230,7 +235,8 @@ def _write(
         own.distance_m = distance_m + speed_mps * lead_s + 0.5 * latest_mps2 * lead_s * lead_s
         own.speed_mps, own.acceleration_mps2 = speed_mps + latest_mps2 * lead_s, latest_mps2
         own.gradient_permille = 1e3 * math.sin(tracks[0].pitch_rad)
-        provisional_m += distance_error(rules, tracks[0].t_s, now.since_rest_s) + LATEST_JERK_MPS3 * lead_s**3
+        provisional_m += min(distance_error(rules, tracks[0].t_s, now.since_rest_s), FASTEST_MPS * tracks[0].t_s)
+        provisional_m += LATEST_JERK_MPS3 * lead_s**3
         above_m, below_m = spread(state, tracks)
         own.distance_m += 0.5 * (above_m - below_m)
         provisional_m += 0.5 * FACTOR * (above_m + below_m)
@@ -239,6 +245,7 @@ def _write(
         doubt = min(1.0, max(0.0, (tracks[0].t_s - USUAL_SLIP_S) / USUAL_SLIP_S))
         provisional_m += doubt * abs(own.distance_m - wheel_m)
         error_mps = 0.3 + 2.0 * distance_error(rules, tracks[0].t_s, now.since_rest_s) / max(tracks[0].t_s, 1.0)
+        error_mps = min(error_mps, FASTEST_MPS)
     if stands:
         own.speed_mps, error_mps = 0.0, 0.05
     now.run_m = max(now.run_m + abs(own.speed_mps) * PERIOD_S, abs(own.distance_m))

@@ -7,6 +7,8 @@ from services.odometry_fusion.motion_log import PERIOD_S
 from services.odometry_fusion.paper_attitude import forward_acceleration, initial_pitch, initial_roll, pitch_rate
 from services.odometry_fusion.tick_layout import Records
 
+FASTEST_MPS = 100.0
+"""No train runs faster, however long the inertial sensor drifts."""
 LATEST_TICKS = 5
 """Over so many the latest acceleration is averaged, which is held for the sensor's latency."""
 
@@ -35,6 +37,7 @@ def step_track(track: Records, smoothed: Records, at: int, correction: int, bias
     own.pitch_rad += pitch_rate(correction, roll_radps, pitch_radps, yaw_radps, own.roll_rad) * PERIOD_S
     forward_mps2 = forward_acceleration(now.ax_mps2, own.pitch_rad)
     speed_mps = own.speed_mps + 0.5 * (own.forward_mps2 + forward_mps2) * PERIOD_S
+    speed_mps = min(FASTEST_MPS, max(-FASTEST_MPS, speed_mps))
     own.distance_m += 0.5 * (own.speed_mps + speed_mps) * PERIOD_S
     own.speed_mps, own.forward_mps2 = speed_mps, forward_mps2
     own.t_s += PERIOD_S

@@ -25,7 +25,7 @@ def watch_wheel(
     apart_m = 0.0
     for k in range(WITNESSES):
         own = witnesses[k : k + 1]
-        if smoothed[at].ready == 0:
+        if smoothed[at].ready == 0 or smoothed[at].wheel_ready == 0:
             own[0].start_ns = 0
             own[0].t_s = -1.0
             continue

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import cast
 
-from schemas.motion import MotionStatus, Odometry, OdometryMethod, SlipEpisode
+from schemas.motion import Odometry, OdometryMethod, SlipEpisode
 from services.odometry_fusion.motion_log import STATUSES, Episode, MotionRows
 
 
@@ -30,7 +29,7 @@ def odometry_of(rows: MotionRows, at: int, base_ns: int, method: OdometryMethod,
         share_bound=rows.share_bound,
         excess_m=float(rows.excess_m[at]),
         provisional_m=float(rows.provisional_m[at]),
-        status=cast("MotionStatus", STATUSES[rows.status[at]]),
+        status=STATUSES[rows.status[at]],
         reason=rows.reasons[rows.reason[at]],
         curvature_per_m=_known(rows.curvature_per_m[at]),
         curvature_sigma_per_m=_known(rows.curvature_sigma_per_m[at]),

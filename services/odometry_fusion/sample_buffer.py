@@ -38,9 +38,9 @@ class SampleBuffer:
         """Take an inertial block in."""
         columns = (block.ax_mps2, block.ay_mps2, block.az_mps2, block.gx_radps, block.gy_radps, block.gz_radps)
         values = np.column_stack(columns)
-        usable = np.isfinite(values).all(axis=1)
-        if block.fault.startswith(UNUSABLE):
-            usable[:] = False
+        usable: NDArray[np.bool_] = np.zeros(len(values), np.bool_)
+        if not block.fault.startswith(UNUSABLE):
+            usable |= np.isfinite(values).all(axis=1)
         if not usable.all():
             self._counts[f"{self._name}_unusable"] += int((~usable).sum())
         self._add(block.t_ns, block.offset_ns, values, usable, block.first_sample)

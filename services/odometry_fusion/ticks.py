@@ -22,6 +22,8 @@ FROZEN_NS: Final = 1_000_000_000
 """An inertial sensor whose six values stay the same for so long while the wheel turns has stopped measuring."""
 LONGEST_USUAL_NS: Final = 1_100_000_000
 """Counters that report less often are taken for missing in between."""
+LONGEST_HELD_NS: Final = 30_000_000_000
+"""Without counts the last speed is held for so long."""
 SPEED_WINDOW_NS: Final = 300_000_000
 MOST_FORCE_MPS2: Final = 160.0
 MOST_RATE_RADPS: Final = 40.0
@@ -78,7 +80,7 @@ def _way_at(t_ns: int, tacho_ns: Counts, way_m: Floats, count: int) -> float:
     if after < count:
         share = (t_ns - tacho_ns[before]) / (tacho_ns[after] - tacho_ns[before])
         return float(way_m[before] + share * (way_m[after] - way_m[before]))
-    age_ns = min(t_ns - tacho_ns[before], SPEED_WINDOW_NS * 5)
+    age_ns = min(t_ns - tacho_ns[before], LONGEST_HELD_NS)
     return float(way_m[before] + _rate(int(before), tacho_ns, way_m) * age_ns * 1e-9)
 
 
