@@ -3,7 +3,7 @@
 The orbit runs through the pages without regard to their ends: page 3 holds the first figures of the clock,
 a figure cut by the end of a page goes on in the next one.
 
-Source: BDS-SIS-ICD-B1I 3.0, 5.3 (figures 5-11 to 5-20).
+Source: BDS-SIS-ICD-B1I 3.0, 5.3.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def test_fnav_and_inav_of_a_satellite_hold_one_orbit() -> None:
 
 
 def glonass_message(ephemeris: Ephemeris) -> bytes:
-    """Message 1020, field by field by RTCM 10403.3, table 3.5-22; what RINEX does not hold is zero."""
+    """Message 1020, field by field as in RTCM 10403.3; what RINEX does not hold is zero."""
     orbit = ephemeris.orbit
     assert isinstance(orbit, StateVectorOrbit)
     utc_s = unix_ns_from_gps(ephemeris.gps_week, ephemeris.toe_s) // NS

@@ -39,7 +39,7 @@ def fnav_words(fields: list[Field]) -> list[int]:
 
 
 def fnav_pages(ephemeris: Ephemeris, tow_s: int = 455_600) -> list[list[int]]:
-    """Page types 1 to 4 of a Galileo ephemeris (OS SIS ICD 2.1, tables 32 to 35)."""
+    """Page types 1 to 4 of a Galileo ephemeris (OS SIS ICD 2.1, 4.2)."""
     orbit, issue = _kepler_of(ephemeris), ephemeris.issue
     week, number, sick = ephemeris.gps_week - 1024, int(ephemeris.satellite[1:]), int(not ephemeris.healthy)
     clock = (ephemeris.clock_bias_s / 2.0**-34, ephemeris.clock_drift / 2.0**-46)
@@ -69,7 +69,7 @@ def _cut(value: int, width: int, high: int) -> tuple[Field, Field]:
 def beidou_pages(ephemeris: Ephemeris, sow_s: int = 455_400) -> list[list[int]]:
     """Pages 1 to 10 of subframe 1 (D2) of a geostationary BeiDou ephemeris.
 
-    Fields word by word as in figures 5-11 to 5-20 of BDS-SIS-ICD-B1I 3.0: behind the number of the page
+    Fields page by page (BDS-SIS-ICD-B1I 3.0, 5.3): behind the number of the page
     22 bits of information in each word, 6 of them in the second one.
     """
     orbit = _kepler_of(ephemeris)
