@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from services.numerics.kernel import kernel
 from services.odometry_fusion.motion_log import PERIOD_S
-from services.odometry_fusion.paper_error import acceleration_error, closed_error, distance_error
+from services.odometry_fusion.paper_error import closed_error, distance_error
 from services.odometry_fusion.paper_layout import ADHERING, CORRECTING, OVERDUE
 from services.odometry_fusion.paper_readhesion import adheres_again
 from services.odometry_fusion.paper_start_point import least_jerk, start_point
@@ -14,8 +14,10 @@ from services.odometry_fusion.tick_layout import Records
 BEGAN, ENDED, NO_END = 0, 1, 2
 RESUME_TICKS = 30
 """After a correction that found no end, the wheel is taken up again once accelerations have agreed for so long."""
-STUCK_SHARE = 1.5
-"""A wheel at a standstill is not believed while the inertial speed is beyond so many times its own error."""
+STUCK_MPS = 3.0
+"""A counter at a standstill is not believed while the inertial speed is above this."""
+REOPENED_SHARE = 0.6
+"""Older tracks than this share of the longest correction are not taken up again."""
 CLOSING_SHARE = 0.6
 """Share of (drift of speed × time) that is drift of distance: ½ by a wrong pitch, 1 by a wrong initial speed."""
 
@@ -40,7 +42,8 @@ def begin_episode(ticks: Records, smoothed: Records, at: int, rules: Records, st
     Soon after the last episode there is no start point yet: its end is taken back, and its tracks go on.
     """
     now, rule = state[0], rules[0]
-    if now.reopenable > 0 and ticks[max(0, at - rule.look_back - rule.window)].t_ns <= now.ended_ns:
+    young = tracks[0].t_s < REOPENED_SHARE * rule.longest_s
+    if now.reopenable > 0 and young and ticks[max(0, at - rule.look_back - rule.window)].t_ns <= now.ended_ns:
         _reopen(state)
         return True
     now.tracks = 0
@@ -137,10 +140,7 @@ def resume_wheel(ticks: Records, smoothed: Records, at: int, rules: Records, sta
         now.agreeing = 0
         return -1.0
     drift_mps = own[0].speed_mps - smoothed[at].speed_mps
-    stuck = (
-        smoothed[at].speed_mps == 0.0
-        and abs(drift_mps) > STUCK_SHARE * acceleration_error(rules, own[0].t_s, now.since_rest_s) * own[0].t_s
-    )
+    stuck = smoothed[at].speed_mps == 0.0 and abs(drift_mps) > STUCK_MPS
     agree = abs(smoothed[at].ax_mps2 - smoothed[at].wheel_mps2) <= rules[0].detection_mps2 and not stuck
     now.agreeing = now.agreeing + 1 if agree else 0
     late = own[0].t_s > 2.0 * rules[0].longest_s and abs(smoothed[at].speed_mps) > 1.0
@@ -155,7 +155,7 @@ def resume_wheel(ticks: Records, smoothed: Records, at: int, rules: Records, sta
         now.offset_m = now.start_offset_m
         bound_m = min(abs(apart_m), 2.0 * trusted_m) if late else 0.0
     else:
-        now.offset_m += apart_m - CLOSING_SHARE * drift_m
+        now.offset_m = now.start_offset_m + apart_m - CLOSING_SHARE * drift_m
         bound_m = CLOSING_SHARE * abs(drift_m) + distance_error(rules, min(own[0].t_s, 12.0), now.since_rest_s)
     _close(ticks[at].t_ns, state)
     return float(bound_m)

@@ -116,6 +116,7 @@ STATE: Final[np.dtype[Any]] = np.dtype([
     ("ended_slip", np.int64),
     ("tilted", np.int64),
     ("wrong_axes", np.int64),
+    ("proven", np.int64),
     *_floats(
         # distance = way + offset while adhering
         "offset_m",

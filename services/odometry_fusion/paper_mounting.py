@@ -52,4 +52,5 @@ def _watch_departure(ticks: Records, at: int, state: Records) -> None:
         sideways = abs(abs(now.proof_y_mps) - wheel_mps) < NEAR * wheel_mps
         if abs(now.proof_x_mps - wheel_mps) > FAR * wheel_mps and (backwards or sideways):
             now.wrong_axes = 1
+        now.proven = 1
         now.proof_s = -1.0

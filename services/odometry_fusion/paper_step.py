@@ -243,7 +243,8 @@ def _write(
         # The longer a correction lasts, the likelier the wheel has adhered again unnoticed.
         wheel_m = tick.way_m + now.start_offset_m
         doubt = min(1.0, max(0.0, (tracks[0].t_s - USUAL_SLIP_S) / USUAL_SLIP_S))
-        provisional_m += doubt * abs(own.distance_m - wheel_m)
+        # So long as no departure has shown that the axes are right, nothing speaks for the inertial sensor either.
+        provisional_m += (doubt if now.proven else 1.0) * abs(own.distance_m - wheel_m)
         error_mps = 0.3 + 2.0 * distance_error(rules, tracks[0].t_s, now.since_rest_s) / max(tracks[0].t_s, 1.0)
         error_mps = min(error_mps, FASTEST_MPS)
     if stands:
@@ -258,7 +259,7 @@ def _write(
     own.yaw_radps = tick.gz_radps - now.yaw_bias_radps
     own.status, own.reason = _status(now.mode, now.distrusted, no_imu, no_pulses)
     own.bound_m = rule.share * now.run_m + now.excess_m + provisional_m
-    if own.status == VALID:
+    if own.status == VALID and (now.proven or now.mode == ADHERING):
         own.bound_m = min(own.bound_m, rule.cap_m + rule.cap_share * abs(own.distance_m))
 
 
