@@ -30,6 +30,7 @@ RISE_OFF_M: Final = 3.0
 """Heights and stated gradients may differ by so much between two changes of gradient …"""
 PERMILLE_OFF: Final = 3.0
 """… or by so many per mille, whichever is more."""
+LEVEL_M: Final = 1e-3
 LONGEST_EDGE_M: Final = 1000.0
 
 
@@ -162,7 +163,7 @@ def gradient_problems(gradients: Sequence[Gradient], alignment: Alignment, path:
     height = np.asarray(geodetic_from_ecef(*alignment.axis.ecef_m.T)[2])
     if not gradients:
         return
-    if float(np.ptp(height)) == 0.0 and any(one.permille for one in gradients):
+    if float(np.ptp(height)) < LEVEL_M and any(one.permille for one in gradients):
         yield warning(f"{path}.axis", "gradients are stated, but all heights are the same", "give the axis its heights")
         return
     places = [one.axis_m for one in gradients] + [alignment.length_m]

@@ -16,7 +16,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from schemas.line import ChainagePoint, Line
+from schemas.line import Branch, ChainagePoint, Line
 from services.line.axis import Axis, AxisError, axis_of
 from services.line.built_in_file import built_in_line, built_in_names
 from services.line.chainage import Chainage, ChainageError, chainage_of
@@ -106,7 +106,18 @@ def _decoded(path: Path, text: str | None) -> Line:
 
 
 def _checked(path: Path, line: Line) -> LoadedLine:
-    """With its geometry; refused where an axis or a kilometrage is none, on the main line or on a branch."""
+    """With its geometry; refused where axis, kilometrage or a curve is none, on the main line or on a branch."""
+    sources: list[tuple[str, Line | Branch]] = [
+        ("$", line),
+        *((f"$.branches[{k}]", branch) for k, branch in enumerate(line.branches)),
+    ]
+    for where, source in sources:
+        for number, curve in enumerate(source.curves):
+            if curve.radius_m == 0.0 or not curve.start_axis_m < curve.end_axis_m:
+                spot = f"{where}.curves[{number}]"
+                raise LineFileError(
+                    path, spot, "no curve: a radius other than 0 and an end beyond its start are wanted"
+                )
     try:
         axis = axis_through(line.axis)
         chainage = main_chainage(line, axis)

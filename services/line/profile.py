@@ -63,8 +63,8 @@ def _plateaus(curves: Sequence[Curve], heights: Sequence[float]) -> Profile:
 
 
 def curvature_profile(curves: Sequence[Curve]) -> Profile:
-    """Curvature [1/m], positive to the left; 0 between curves."""
-    return _plateaus(curves, [1.0 / curve.radius_m for curve in curves])
+    """Curvature [1/m], positive to the left; 0 between curves, and in one with a radius of 0, which is none."""
+    return _plateaus(curves, [1.0 / curve.radius_m if curve.radius_m else 0.0 for curve in curves])
 
 
 def signed_cant_m(curve: Curve) -> float:

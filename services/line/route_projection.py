@@ -36,6 +36,7 @@ MOST_MISSED: Final = 5
 SAME_M: Final = 60.0
 """Ways nearer to each other along one route than this are one."""
 SEED_APART_M: Final = 100.0
+EDGE_M: Final = 0.5
 CORRELATION: Final = 10.0
 """Errors of successive places are alike; so many of them count as one."""
 CLIPPED: Final = 25.0
@@ -131,7 +132,18 @@ def _seed(
                 aside_m[same] = np.inf
             if same >= 0 and abs(aside) < abs(aside_m[same]):
                 route[same], at_m[same], aside_m[same] = r, along, aside
-    return count
+    kept = 0
+    for k in range(count):
+        low, high = first[route[k]], first[route[k] + 1]
+        own = axis_m[low:high]
+        start = low + max(np.searchsorted(own, at_m[k] - REACH_M) - 1, 0)
+        end = min(low + np.searchsorted(own, at_m[k] + REACH_M), high - 1)
+        _, nearest = foot_within(axis_m, plane_m, place[0], place[1], start, end)
+        # Where the line is nearer a little further on, this is the edge of another passage and none of its own.
+        if abs(nearest) > abs(aside_m[k]) - EDGE_M:
+            route[kept], at_m[kept], aside_m[kept] = route[k], at_m[k], aside_m[k]
+            kept += 1
+    return kept
 
 
 @kernel
