@@ -7,15 +7,16 @@ from pathlib import Path
 from typing import Final
 
 from schemas.gnss import Epoch, OwnPosition
-from services.gnss_receiver.byte_source import READ_S, ByteSource, RetryPauses, SourceError
+from services.byte_source.rate_watch import RateWatch
+from services.byte_source.serial_stream import SerialLine
+from services.byte_source.settings import SerialSource, TcpSource
+from services.byte_source.source import READ_S, ByteSource, RetryPauses, SourceError
+from services.byte_source.tcp_socket import TcpConnection
 from services.gnss_receiver.heard import Heard
 from services.gnss_receiver.ntrip_socket import NtripConnection
-from services.gnss_receiver.rate_watch import RateWatch
 from services.gnss_receiver.raw_log_file import LoggedSource, RawLogFile
 from services.gnss_receiver.receiver_stream import ReceiverStream
-from services.gnss_receiver.reception import NtripSource, Reception, SerialSource, Source, TcpSource
-from services.gnss_receiver.serial_stream import SerialLine
-from services.gnss_receiver.tcp_socket import TcpConnection
+from services.gnss_receiver.reception import NtripSource, Reception, Source
 from services.nmea_output.sentences import position_report
 from services.runtime.clock import Clock
 from services.runtime.node import Node

@@ -6,11 +6,11 @@ import socket
 import time
 from collections.abc import Callable
 
-from services.gnss_receiver.byte_source import OPEN_S, READ_S, SourceError
+from services.byte_source.source import OPEN_S, READ_S, SourceError
+from services.byte_source.tcp_socket import receive
 from services.gnss_receiver.ntrip_protocol import ChunkDecoder, NtripError, answer, request
 from services.gnss_receiver.password_file import read_password
 from services.gnss_receiver.reception import NtripSource
-from services.gnss_receiver.tcp_socket import receive
 from services.gnss_receiver.tls_socket import secured
 
 REPORT_S = 10.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import BinaryIO
 
-from services.gnss_receiver.byte_source import ByteSource
+from services.byte_source.source import ByteSource
 
 
 class RawLogFile:

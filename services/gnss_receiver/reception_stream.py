@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from schemas.gnss import Epoch, OwnPosition
-from services.gnss_receiver.byte_source import ByteSource
+from services.byte_source.source import ByteSource
 from services.gnss_receiver.heard import Heard
 from services.gnss_receiver.live_stream import connection, follow
 from services.gnss_receiver.observations import Navigation

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import ssl
 
-from services.gnss_receiver.byte_source import SourceError
+from services.byte_source.source import SourceError
 
 
 def secured(plain: socket.socket, host: str, authority_file: str) -> socket.socket:

@@ -6,7 +6,7 @@ from typing import Final
 
 import can
 
-from services.gnss_receiver.byte_source import READ_S, SourceError
+from services.byte_source.source import READ_S, SourceError
 
 _MOST: Final = 256
 """Frames taken at once."""

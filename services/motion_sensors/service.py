@@ -15,7 +15,7 @@ from services.motion_sensors.imu_blocks import ImuBlocks
 from services.motion_sensors.imu_sample import ImuFrames, ImuSample
 from services.motion_sensors.log_playback import blocks_of
 from services.motion_sensors.number_rows import ImuRows, NumberRows
-from services.motion_sensors.sensor_link import Chunk, Line, chunks, line_of
+from services.motion_sensors.sensor_stream import Chunk, Line, chunks, line_of
 from services.motion_sensors.settings import AxleInput, Config, ImuInput
 from services.motion_sensors.tacho_blocks import TachoBlocks
 from services.motion_sensors.vectornav_sentences import VectornavSentences

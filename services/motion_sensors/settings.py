@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from services.gnss_receiver.reception import SerialSource, TcpSource, Text
+from services.byte_source.settings import SerialSource, TcpSource, Text
 from services.motion_sensors.can_signals import CanImuLayout, CanSignal
 from services.motion_sensors.mounting import axes_rotation
 from services.motion_sensors.number_rows import IMU_COLUMNS

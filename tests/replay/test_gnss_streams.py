@@ -12,10 +12,11 @@ import pytest
 from schemas.gnss import Ephemeris, Epoch, Ionosphere, OwnPosition
 from schemas.topic import Place
 from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, GNSS_OWN_POSITION
-from services.gnss_receiver.byte_source import READ_S, SourceError
+from services.byte_source.settings import TcpSource
+from services.byte_source.source import READ_S, SourceError
 from services.gnss_receiver.heard import Heard, StationPosition
 from services.gnss_receiver.live_stream import connection, follow
-from services.gnss_receiver.reception import FileSource, Reception, TcpSource
+from services.gnss_receiver.reception import FileSource, Reception
 from services.gnss_receiver.rinex_error import RinexError
 from services.gnss_receiver.rtcm_ephemerides import write_ephemeris
 from services.gnss_receiver.rtcm_messages import framed

@@ -15,10 +15,10 @@ import pytest
 from schemas.motion import ImuBlock, MotionWarning, TachoBlock
 from schemas.topic import Place
 from schemas.topics import IMU, MOTION_WARNING, TACHO
-from services.gnss_receiver.byte_source import SourceError
-from services.gnss_receiver.reception import TcpSource
+from services.byte_source.settings import TcpSource
+from services.byte_source.source import SourceError
 from services.motion_sensors.can_signals import CanImuLayout, CanSignal
-from services.motion_sensors.sensor_link import Chunk
+from services.motion_sensors.sensor_stream import Chunk
 from services.motion_sensors.service import SERVICE, MotionSensors
 from services.motion_sensors.settings import AxleInput, CanSource, Config, ImuInput
 from services.runtime.clock import ManualClock

@@ -17,12 +17,13 @@ import pytest
 
 from schemas.gnss import Epoch
 from schemas.topics import GNSS_EPOCH
-from services.gnss_receiver.byte_source import SourceError
+from services.byte_source.serial_stream import SerialLine
+from services.byte_source.settings import SerialSource, TcpSource
+from services.byte_source.source import SourceError
+from services.byte_source.tcp_socket import TcpConnection
 from services.gnss_receiver.ntrip_socket import NtripConnection
-from services.gnss_receiver.reception import NtripSource, SerialSource, TcpSource
-from services.gnss_receiver.serial_stream import SerialLine
+from services.gnss_receiver.reception import NtripSource
 from services.gnss_receiver.service import SERVICE, Config
-from services.gnss_receiver.tcp_socket import TcpConnection
 from services.runtime.router import Router
 from services.runtime.zenoh_node import ZenohNode
 from tests.unit.gnss_receiver.stream_samples import TOW_S, epoch, rtcm_of

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from services.gnss_receiver.byte_source import SourceError
+from services.byte_source.source import SourceError
 from services.gnss_receiver.ntrip_socket import NtripConnection
 from services.gnss_receiver.reception import NtripSource
 from tests.unit.gnss_receiver.stream_samples import TOW_S, epoch, rtcm_of

@@ -8,17 +8,16 @@ import msgspec
 import pytest
 
 from schemas.gnss_time import unix_ns_from_gps
-from services.gnss_receiver.byte_source import RetryPauses
+from services.byte_source.rate_watch import RateWatch
+from services.byte_source.settings import SerialSource, TcpSource
+from services.byte_source.source import RetryPauses
 from services.gnss_receiver.password_file import read_password
-from services.gnss_receiver.rate_watch import RateWatch
 from services.gnss_receiver.raw_log_file import RawLogFile
 from services.gnss_receiver.reception import (
     FileSource,
     NtripSource,
     Reception,
-    SerialSource,
     Source,
-    TcpSource,
     recorded_ns,
 )
 from services.gnss_receiver.recording_file import read_recording

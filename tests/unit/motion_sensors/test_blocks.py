@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.gnss_receiver.reception import TcpSource
+from services.byte_source.settings import TcpSource
 from services.motion_sensors.imu_blocks import ImuBlocks
 from services.motion_sensors.imu_sample import STANDARD_GRAVITY_MPS2, ImuSample
 from services.motion_sensors.log_playback import blocks_of

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from typing import Protocol, TypeVar
 
-from services.gnss_receiver.byte_source import READ_S, RetryPauses, SourceError
-from services.gnss_receiver.serial_stream import SerialLine
-from services.gnss_receiver.tcp_socket import TcpConnection
+from services.byte_source.serial_stream import SerialLine
+from services.byte_source.source import READ_S, RetryPauses, SourceError
+from services.byte_source.tcp_socket import TcpConnection
 from services.motion_sensors.can_socket import CanConnection
 from services.motion_sensors.settings import AxleInput, ImuInput
 from services.runtime.node import Node

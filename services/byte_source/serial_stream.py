@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import serial
 
-from services.gnss_receiver.byte_source import CHUNK, READ_S, SourceError
+from services.byte_source.source import CHUNK, READ_S, SourceError
 
 
 class SerialLine:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from services.gnss_receiver.byte_source import CHUNK, OPEN_S, READ_S, SourceError
+from services.byte_source.source import CHUNK, OPEN_S, READ_S, SourceError
 
 
 class TcpConnection:
