@@ -44,11 +44,6 @@ CURVATURE_SIGMA_SHARE: Final = 0.5
 """How far the first guess may be out; wide, so that vertices decide wherever they can."""
 LEAST_CERTAINTY: Final = 2.0
 """A curve whose radius is not known to half of itself is left out."""
-TURN_REACH_M: Final = 20.0
-"""Smoothing spreads a curve's turn a little beyond its ends."""
-TURN_OFF_SHARE: Final = 0.15
-TURN_OFF_RAD: Final = math.radians(2.5)
-"""A curve that turns by more or less than the smoothed axis between its ends, by so much, is left out."""
 LEAST_SHARE: Final = 0.05
 
 
@@ -76,7 +71,7 @@ def fit_curves(axis: SmoothAxis) -> tuple[FittedCurve, ...]:
         first_m = max(group[0].start_m - REACH_M, (before_m + group[0].start_m) / 2.0, 0.0)
         last_m = min(group[-1].end_m + REACH_M, (after_m + group[-1].end_m) / 2.0, float(axis.along_m[-1]))
         fitted += _Window(axis, group, first_m, last_m).fit()
-    return _apart([one for one in fitted if _is_certain(one) and _is_shown(one.bend, axis)])
+    return _apart([one for one in fitted if _is_certain(one)])
 
 
 def _is_certain(curve: FittedCurve) -> bool:
@@ -86,17 +81,6 @@ def _is_certain(curve: FittedCurve) -> bool:
         abs(curve.radius_m) > LEAST_CERTAINTY * curve.radius_sigma_m
         and max(curve.start_sigma_m, curve.end_sigma_m) < long_m
     )
-
-
-def _is_shown(bend: Bend, axis: SmoothAxis) -> bool:
-    """Whether the smoothed axis turns by about as much as a curve does."""
-    stated = bend.curvature_per_m * (bend.end_m - bend.start_m - (bend.transition_in_m + bend.transition_out_m) / 2.0)
-    for reach_m in (0.0, TURN_REACH_M):
-        shown = _pose(axis, bend.end_m + reach_m)[1] - _pose(axis, max(bend.start_m - reach_m, 0.0))[1]
-        off = (shown - stated + math.pi) % (2.0 * math.pi) - math.pi
-        if abs(off) <= max(TURN_OFF_SHARE * abs(stated), TURN_OFF_RAD):
-            return True
-    return False
 
 
 def _groups(bends: Sequence[Bend]) -> list[list[Bend]]:

@@ -67,7 +67,7 @@ def curve_problems(curves: Sequence[Curve], alignment: Alignment, path: str) -> 
         found = list(_alone(curve, f"{path}.curves[{number}]"))
         yield from found
         if not found:
-            yield from _against_axis(curve, alignment, f"{path}.curves[{number}]")
+            yield from against_axis(curve, alignment, f"{path}.curves[{number}]")
             sound.append(curve)
     for number, (before, after) in enumerate(pairwise(curves), 1):
         if after.start_axis_m < before.start_axis_m:
@@ -104,7 +104,7 @@ def _alone(curve: Curve, field: str) -> Iterator[Problem]:
         )
 
 
-def _against_axis(curve: Curve, alignment: Alignment, field: str) -> Iterator[Problem]:
+def against_axis(curve: Curve, alignment: Alignment, field: str) -> Iterator[Problem]:
     """A curve whose turn the vertices do not show."""
     if not 0.0 <= curve.start_axis_m <= curve.end_axis_m <= alignment.length_m + 1.0:
         return
