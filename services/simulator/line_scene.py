@@ -128,13 +128,13 @@ class Foliage:
     """Loss of each satellite's signal under trees."""
 
     def __init__(self, satellites: int) -> None:
-        """Begin without any shadow."""
+        """Draw the first shadows with the first loss."""
         self._shadow = np.zeros(satellites)
-        self._axis_m = 0.0
+        self._axis_m: float | None = None
 
     def loss_db(self, axis_m: float, elevation_rad: Floats, generator: np.random.Generator) -> Floats:
         """Loss [dB] of every satellite with the antenna at a place; draws whether there are trees or not."""
-        keep = np.exp(-abs(axis_m - self._axis_m) / SHADOW_M)
+        keep = 0.0 if self._axis_m is None else float(np.exp(-abs(axis_m - self._axis_m) / SHADOW_M))
         fresh = generator.standard_normal(len(self._shadow))
         self._shadow = keep * self._shadow + np.sqrt(1.0 - keep**2) * fresh
         self._axis_m = axis_m

@@ -105,6 +105,9 @@ class TrainScenario(Part, frozen=True, kw_only=True):
         if abs(interval - round(interval)) > 1e-9:  # noqa: PLR2004 - rounding alone
             msg = "receiver.interval_s must be a multiple of 0.1 s beside a train"
             raise ValueError(msg)
+        if self.adhesion.random_gap_s is not None and not sum(self.adhesion.weights.values()) > 0.0:
+            msg = "adhesion.weights leave no kind of slip to draw"
+            raise ValueError(msg)
         for name, low, high in self._ranges():
             if not 0.0 <= low <= high:
                 msg = f"{name} ({low:g}, {high:g}) is no rising range"
