@@ -54,6 +54,9 @@ def _make_up(held: Held, change: TrainChange) -> str:
         after = held.reach.now
         if held.estimate is not None and after is not None:
             held.estimate.move(now, after)
+        if makeup.flips != held.makeup.flips:
+            held.reach.sense = -sense
+            held.scale.restart()
         held.change_makeup(now.t_ns, makeup)
     else:
         held.change_makeup(change.t_ns, makeup)

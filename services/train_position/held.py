@@ -51,6 +51,8 @@ class Held:
     estimate: Estimate | None = None
     makeups: list[tuple[int, Makeup]] = field(default_factory=list)
     """Make-ups, each with the time from which it holds."""
+    changes: int = 0
+    """How often it has changed."""
     origin: str = ""
     odometry: Odometry | None = None
     """Newest message taken."""
@@ -85,7 +87,7 @@ class Held:
         self.belief = Belief(Rules(config.scant_share, config.independent_s, config.independent_m))
         self.scale = WheelScale(config.scale_wander_share, config.turned_share)
         self.branches = Branches({} if self.line is None else self.line.leaves_m)
-        self.makeups = [(-(2**62), Makeup(config.length_m, config.cab))]
+        self.makeups = [(-(2**62), Makeup(config.length_m, config.cab, forward=config.forward))]
 
     @property
     def makeup(self) -> Makeup:
@@ -96,8 +98,14 @@ class Held:
         """Make-up that held at a time."""
         return next((makeup for since_ns, makeup in reversed(self.makeups) if since_ns <= t_ns), self.makeups[0][1])
 
+    def sense_at(self, t_ns: int) -> int:
+        """Sense of forward at a time: another one before it turned round."""
+        turned = (self.makeup.flips - self.makeup_at(t_ns).flips) % 2
+        return -self.reach.sense if turned else self.reach.sense
+
     def change_makeup(self, t_ns: int, makeup: Makeup) -> None:
         """Another make-up from a time on."""
+        self.changes += 1
         self.makeups.append((t_ns, makeup))
         del self.makeups[:-MAKEUPS]
 

@@ -180,7 +180,7 @@ class PositionKeeper:
         held = self.held
         match message:
             case TrainChange():
-                if message.kind == "moved_cold":
+                if message.kind in {"moved_cold", "cab"}:
                     self._sense.forget()
                 return apply_change(held, message)
             case BranchEvidence():

@@ -29,6 +29,8 @@ class _Left:
     share: float
     offsets: Interval | None
     estimate_m: float | None
+    changes: int
+    """Of the make-up until then."""
 
 
 class OdometrySteps:
@@ -158,7 +160,7 @@ class OdometrySteps:
         held = self._held
         if self._left is None and not held.blind:
             estimate_m = None if held.estimate is None else held.estimate.axis_m
-            self._left = _Left(now, held.reach.share, held.belief.offsets(), estimate_m)
+            self._left = _Left(now, held.reach.share, held.belief.offsets(), estimate_m, held.changes)
         held.blind = True
 
     def _grope(self, t_ns: int) -> list[Message]:
@@ -185,7 +187,8 @@ class OdometrySteps:
             return None
         carried: Interval | None = None
         middle_m = 0.0
-        if left is not None and left.offsets is not None and odometry.origin == held.origin:
+        counts_on = odometry.origin == held.origin and left is not None and left.changes == held.changes
+        if left is not None and left.offsets is not None and counts_on:
             physics = Physics(held.config.most_speed_mps, held.config.most_acceleration_mps2)
             alone = Reach(physics, held.reach.sense)
             alone.begin(left.instant, left.share)

@@ -35,7 +35,7 @@ def landmark_claim(held: Held, match: LandmarkMatch, then: Instant) -> Claim | s
                 f"time and distance of landmark {match.landmark} are {match.distance_m - then.distance_m:.0f} m apart"
             )
     running = 1 if match.direction == "up" else -1
-    if held.reach.sense and then.speed_mps and held.reach.sense * then.speed_mps * running < 0.0:
+    if held.sense_at(then.t_ns) * then.speed_mps * running < 0.0:
         return f"landmark {match.landmark} was matched running {match.direction}, while the train ran the other way"
     bound_m = match.bound_m + held.clock_bound_m(then)
     sigma_m = max(match.bound_m / BOUND_SIGMAS, 0.3)
@@ -52,7 +52,7 @@ def balise_claim(held: Held, passage: BalisePassage, then: Instant) -> Claim | s
             f"balise {passage.balise} read {passage.sensor_offset_m:.0f} m behind the front end, "
             f"± {passage.detection_bound_m:.0f} m"
         )
-    facing = held.reach.sense * held.makeup_at(then.t_ns).sign
+    facing = held.sense_at(then.t_ns) * held.makeup_at(then.t_ns).sign
     axis_m = balise.axis_m + facing * passage.sensor_offset_m
     bound_m = balise.accuracy_m + passage.detection_bound_m
     unknown_m = abs(passage.sensor_offset_m) if facing == 0 else 0.0

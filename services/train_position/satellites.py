@@ -1,6 +1,6 @@
 """What satellites say of the front end: from all antennas together, or from one antenna's fix.
 
-The antennas' front end (services.gnss_correction) is the end of cab A of the unit that carries them, given
+The antennas' front end (services.gnss_correction) is the end that their lever arms count from, given
 by the main line's kilometrage; it serves while the train is certainly on the main line. A single fix is
 projected onto every route that is possible; a route from which it is too far aside is none of them.
 """
@@ -75,9 +75,9 @@ class Satellites:
         found = self._feet(held, lat_deg, lon_deg, message.h_m or 0.0, bound_m, then)
         if isinstance(found, str):
             return found
-        sense = held.reach.sense
-        axis_m = (found.least_m + found.greatest_m) / 2.0 + sense * antenna.behind_a_m
-        unknown_m = antenna.behind_a_m if sense == 0 else 0.0
+        sense = held.sense_at(then.t_ns)
+        axis_m = (found.least_m + found.greatest_m) / 2.0 + sense * antenna.behind_m
+        unknown_m = antenna.behind_m if sense == 0 else 0.0
         return self._claim(held, axis_m, found.width_m / 2.0 + bound_m + unknown_m, then)
 
     def along_mps(self, held: Held, message: Fix, then: Instant) -> float | None:
@@ -138,8 +138,8 @@ class Satellites:
                 held.branches.exclude(route)
 
     def _claim(self, held: Held, end_m: float, bound_m: float, then: Instant) -> Claim:
-        """Claim of the front end, from the place of cab A's end."""
-        makeup, sense = held.makeup_at(then.t_ns), held.reach.sense
+        """Claim of the front end, from the place of the sensors' end."""
+        makeup, sense = held.makeup_at(then.t_ns), held.sense_at(then.t_ns)
         axis_m = end_m + sense * makeup.front_m
         unknown_m = makeup.doubt_m + (abs(makeup.front_m) if sense == 0 else 0.0)
         added_m = held.config.line_accuracy_m + unknown_m + held.clock_bound_m(then)

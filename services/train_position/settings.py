@@ -17,12 +17,12 @@ Share = Annotated[float, Meta(ge=0.0, le=0.5)]
 class AntennaPlace(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where an antenna stands on its train."""
 
-    behind_a_m: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.0
-    """Along the train, from the end of cab A to the antenna."""
+    behind_m: Annotated[float, Meta(ge=0.0, le=1000.0)] = 0.0
+    """Along the train, from the end of the leading cab (`forward = "vehicle"`: of cab A) to the antenna."""
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Settings of the position. Cab A is the end towards which the vehicle's forward axis points."""
+    """Settings of the position."""
 
     line_file: str = ""
     """Line file (JSON). Without it there are no balises, no chainage and no satellites: landmarks alone give places."""
@@ -30,8 +30,11 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Length of the train when it starts; coupling changes it."""
     cab: Cab = "A"
     """Cab that leads when it starts."""
+    forward: Literal["cab", "vehicle"] = "cab"
+    """What odometry and antennas count as forward: where the leading cab looks (each cab has its own sensors, or pulse
+    counters that cannot tell directions), or always where cab A looks."""
     facing: Literal["up", "down"] | None = None
-    """Where cab A looks, `up` for rising `axis_m`, where that never changes; found from references when left out."""
+    """Where forward points when the train starts, `up` for rising `axis_m`; found from references when left out."""
     antennas: dict[str, AntennaPlace] = msgspec.field(default_factory=dict)
     """Lever arms by GNSS device. Fixes of other devices are not used; `front_end` needs none."""
     state: bool = True

@@ -126,7 +126,10 @@ def restore(held: Held, kept: Snapshot, odometry: Odometry) -> list[Message]:
             "a reference must tell the place"
         )
         return [held.event("line_version", held.lost, odometry.t_ns)]
-    held.change_makeup(held.makeups[0][0], Makeup(kept.length_m, kept.cab, kept.ahead_m, kept.doubt_m))
+    held.change_makeup(
+        held.makeups[0][0],
+        Makeup(kept.length_m, kept.cab, kept.ahead_m, kept.doubt_m, held.config.forward),
+    )
     if held.reach.sense == 0:
         held.reach.sense = kept.sense
     held.scale.turned = kept.turned

@@ -55,7 +55,7 @@ class Run:
 
     keeper: PositionKeeper
     axis_m: float = 1000.0
-    """Of the end of cab A."""
+    """Of the sensors' end."""
     sense: int = 1
     wheel_error: float = 0.0
     """True way = odometry's way × (1 + this)."""
@@ -63,7 +63,7 @@ class Run:
     speed_mps: float = 0.0
     t_ns: int = START_NS
     origin: str = "o1"
-    makeup: Makeup = Makeup(LENGTH_OF_TRAIN_M, "A")
+    makeup: Makeup = Makeup(LENGTH_OF_TRAIN_M, "A", forward="vehicle")
     distance_m: float = 0.0
     way_m: float = 0.0
     excess_m: float = 0.0
@@ -193,6 +193,6 @@ class Run:
 
 def run_with(config: Config | None = None, *, line: bool = True, **changes: object) -> Run:
     """A run whose keeper has heard nothing yet."""
-    settings = config or Config(clock_bound_s=0.0, holdover=0.0, line_accuracy_m=0.0, state=False)
+    settings = config or Config(clock_bound_s=0.0, holdover=0.0, line_accuracy_m=0.0, forward="vehicle", state=False)
     keeper = PositionKeeper(settings, PLACES if line else None)
     return Run(keeper, **changes)  # type: ignore[arg-type]  # fields of Run by name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from hypothesis import given, settings
@@ -131,19 +131,24 @@ class Driver:
                 front_shift_m=None if share is None else known.front_shift_m,
             )
             run.makeup = changed(run.makeup, known)[0]
+        elif run.makeup.forward == "cab":
+            run.axis_m = run.front_m - run.sense * length_m
+            run.sense, run.speed_mps = -run.sense, -run.speed_mps
+            run.makeup = changed(run.makeup, message)[0]
         else:
             run.makeup = changed(run.makeup, message)[0]
         run.hear(message)
 
 
-@pytest.mark.parametrize("sense", [1, -1])
-@settings(max_examples=120, deadline=None)
+@pytest.mark.parametrize(("sense", "forward"), [(1, "vehicle"), (-1, "vehicle"), (1, "cab"), (-1, "cab")])
+@settings(max_examples=80, deadline=None)
 @given(steps=STEPS, delays=st.lists(st.integers(0, 30), min_size=1, max_size=6), wheel=st.floats(-0.02, 0.02))
 def test_true_sources_bound_the_truth(
-    sense: int, steps: list[tuple[str, Any, Any]], delays: list[int], wheel: float
+    sense: int, forward: Literal["cab", "vehicle"], steps: list[tuple[str, Any, Any]], delays: list[int], wheel: float
 ) -> None:
-    config = Config(clock_bound_s=0.0, holdover=0.0, line_accuracy_m=0.0, scale_wander_share=0.0, state=False)
+    config = Config(clock_bound_s=0.0, holdover=0.0, line_accuracy_m=0.0, scale_wander_share=0.0, forward=forward)
     run = run_with(config, sense=sense, axis_m=12_000.0, wheel_error=wheel)
+    run.makeup = run.makeup._replace(forward=forward)
     driver = Driver(run, delays)
     driver.step("run", 5, 1.0)
     run.hear(run.front_end(0.0, 20.0))

@@ -120,7 +120,9 @@ def test_direction_by_the_way_from_place_to_place() -> None:
 
 
 def test_direction_by_the_satellites_speed() -> None:
-    run = run_with(Config(antennas={"front": AntennaPlace(behind_a_m=2.0)}, clock_bound_s=0.0, holdover=0.0))
+    run = run_with(
+        Config(antennas={"front": AntennaPlace(behind_m=2.0)}, clock_bound_s=0.0, holdover=0.0, forward="vehicle")
+    )
     run.go(10.0, 1.0)
     run.hear(fix_of(run, 2.0), "front")
     run.hear(fix_of(run, 2.0, t_ns=run.t_ns - 1), "front")
