@@ -11,6 +11,20 @@ REST_TICKS = 20
 MOST_RATE_RADPS = 0.02
 """A vehicle at rest turns less, biases included."""
 LONGEST_MEAN_S = 20.0
+SURE_S = 3.0
+"""By then the brakes' last force is out of the moving average."""
+DEPARTURE_MPS2 = 0.25
+"""Slower departures do not exist; the body on its springs shows less."""
+
+
+@kernel
+def departs_unseen(ax_mps2: float, state: Records) -> bool:
+    """Whether the force along the train has changed while the wheel stands: a counter that is stuck.
+
+    At rest the gradient's share is known, so this is far finer than equation (1).
+    """
+    now = state[0]
+    return bool(now.rest_s > SURE_S and abs(ax_mps2 - now.rest_ax_mps2) > DEPARTURE_MPS2)
 
 
 @kernel

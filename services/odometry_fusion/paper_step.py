@@ -33,7 +33,7 @@ from services.odometry_fusion.paper_layout import (
     WRONG_AXES,
 )
 from services.odometry_fusion.paper_mounting import watch_mounting
-from services.odometry_fusion.paper_rest import watch_rest
+from services.odometry_fusion.paper_rest import departs_unseen, watch_rest
 from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, LONGEST_SILENCE_S, smooth
 from services.odometry_fusion.paper_track import FASTEST_MPS, present
 from services.odometry_fusion.paper_witness import FACTOR, dismiss, watch_wheel
@@ -118,6 +118,7 @@ def _step(
             and smoothed[at].wheel_ready != 0
             and accelerations_differ(smoothed[at].ax_mps2, smoothed[at].wheel_mps2, rule.detection_mps2)
         )
+        slips = slips or (smoothed[at].ready != 0 and departs_unseen(smoothed[at].ax_mps2, state))
         if (slips or no_pulses) and not no_imu and begin_episode(ticks, smoothed, at, rules, state, tracks):
             m = distance_error(rules, tracks[0].t_s, now.since_rest_s)
             count = _note(events, count, row, BEGAN, state, tracks, 0.0, m)
@@ -215,6 +216,7 @@ def _write(
     now, tick, rule, own = state[0], ticks[at], rules[0], out[row]
     error_mps = rule.share * abs(tick.wheel_speed_mps) + 0.3
     provisional_m = rule.undetected_m
+    unproven = now.proven == 0 and now.proof_s >= 0.0
     if now.mode == ADHERING:
         own.distance_m, own.speed_mps = tick.way_m + now.offset_m, tick.wheel_speed_mps
         own.acceleration_mps2 = smoothed[at].wheel_mps2 if smoothed[at].ready else math.nan
@@ -243,8 +245,8 @@ def _write(
         # The longer a correction lasts, the likelier the wheel has adhered again unnoticed.
         wheel_m = tick.way_m + now.start_offset_m
         doubt = min(1.0, max(0.0, (tracks[0].t_s - USUAL_SLIP_S) / USUAL_SLIP_S))
-        # So long as no departure has shown that the axes are right, nothing speaks for the inertial sensor either.
-        provisional_m += (doubt if now.proven else 1.0) * abs(own.distance_m - wheel_m)
+        # Until the first departure has shown that the axes are right, nothing speaks for the inertial sensor either.
+        provisional_m += (1.0 if unproven else doubt) * abs(own.distance_m - wheel_m)
         error_mps = 0.3 + 2.0 * distance_error(rules, tracks[0].t_s, now.since_rest_s) / max(tracks[0].t_s, 1.0)
         error_mps = min(error_mps, FASTEST_MPS)
     if stands:
@@ -259,7 +261,7 @@ def _write(
     own.yaw_radps = tick.gz_radps - now.yaw_bias_radps
     own.status, own.reason = _status(now.mode, now.distrusted, no_imu, no_pulses)
     own.bound_m = rule.share * now.run_m + now.excess_m + provisional_m
-    if own.status == VALID and (now.proven or now.mode == ADHERING):
+    if own.status == VALID and (now.mode == ADHERING or not unproven):
         own.bound_m = min(own.bound_m, rule.cap_m + rule.cap_share * abs(own.distance_m))
 
 
