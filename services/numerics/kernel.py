@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numba
 
@@ -19,3 +19,14 @@ def kernel(function: F) -> F:
     runtime therefore keeps a folder per version of the sources (services/runtime/state_dir.py).
     """
     return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+_INNER: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cpython_wrapper": True}
+
+
+def inner_kernel(function: F) -> F:
+    """As `kernel`, for functions that only kernels call: without the door from Python, which takes long to compile.
+
+    Called from Python it raises TypeError.
+    """
+    return cast("F", numba.njit(**_INNER)(function))
