@@ -44,6 +44,10 @@ LARGEST_PDOP: Final = 8.0
 """Of the corrected satellites: with a worse geometry than this the others are needed more than the corrections."""
 AGEING_MPS: Final = 0.01
 """Growth of a correction's standard deviation: the air under strong gradients changes by about so much."""
+COMMON_AT_STATION_M: Final = 0.3
+COMMON_PER_M: Final = 4e-6
+"""What corrected satellites share: the reflections of the reference antenna, and gradients of the air, which under
+strong storms of the ionosphere reach millimetres per kilometre for every metre of delay (Datta-Barua et al. 2010)."""
 MOST_SETS: Final = 100_000
 """A day at 1 Hz; beyond, the oldest are dropped."""
 _USABLE, _UNCORRECTED = int(Rejection.USABLE), int(Rejection.UNCORRECTED)
@@ -94,6 +98,13 @@ class CorrectionTable:
         self._sets.append(new)
         del self._sets[:-MOST_SETS]
         return ""
+
+    def common_m(self, place_m: Float64s) -> Float64s:
+        """Horizontal error [m] that corrected satellites share at places (n, 3), Earth-fixed; NaN without a station."""
+        if not self._sets:
+            return np.full(len(place_m), np.nan)
+        away_m = np.linalg.norm(place_m - self._sets[-1].station.place_m, axis=1)
+        return np.asarray(COMMON_AT_STATION_M + COMMON_PER_M * away_m)
 
     def _forget_before(self, gps_s: float) -> None:
         """Drop what is too old at `gps_s` and later; the latest set is kept, so that its age can be told."""

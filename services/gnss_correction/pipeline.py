@@ -29,8 +29,9 @@ from services.gnss_correction.robust_bound import COMMON_M, COMMON_WITHOUT_IONOS
 from services.gnss_correction.robust_filter import RobustFilter, RobustInput, seconds_of_week
 from services.gnss_correction.settings import Config
 from services.gnss_correction.solution import Solver
-from services.gnss_correction.solver_arrays import RULES, Bools, Records
+from services.gnss_correction.solver_arrays import RULES, Bools, Float64s, Records
 from services.gnss_receiver.observations import Observations, satellite_code
+from services.numerics.geodesy import ecef_from_geodetic
 
 _NOT_WATCHED = frozenset({
     int(Rejection.NO_PSEUDORANGE),
@@ -176,8 +177,19 @@ class Correction:
         if "robust" in self._smoothers:
             self._smoothers["robust"].smooth(prepared.first_row, prepared.gps_s, rows)
         add_corrections(rows)
-        given = RobustInput(prepared.first_row, prepared.t_s + seconds_of_week(gps_week), refused, rows, first.epochs)
-        return Solution(self._robust.solve(given, self._rules[0], self._common_m), rows)
+        t_s, common_m = prepared.t_s + seconds_of_week(gps_week), self._common_of(prepared, first.epochs)
+        given = RobustInput(prepared.first_row, t_s, refused, rows, first.epochs, common_m)
+        return Solution(self._robust.solve(given, self._rules[0]), rows)
+
+    def _common_of(self, prepared: Prepared, first: Records) -> Float64s:
+        """What the satellites of each epoch share: less near a reference station that corrects them."""
+        common_m = np.full(prepared.t_s.size, self._common_m)
+        count = np.diff(prepared.first_row)
+        epoch = np.repeat(np.arange(count.size), count)
+        corrected = np.bincount(epoch, prepared.rows["correction_sigma_m"] > 0.0, count.size) > 0.0
+        place_m = np.stack(ecef_from_geodetic(first["lat_rad"], first["lon_rad"], first["h_m"]), axis=-1)
+        theirs_m = np.where(corrected, self._corrections.common_m(place_m), np.nan)
+        return np.asarray(np.fmin(common_m, theirs_m))
 
     def _follow(self, prepared: Prepared, refused: Bools, gps_week: int, free: Solution) -> Solution:
         """Solutions along the line; it is held against those that know nothing of it."""

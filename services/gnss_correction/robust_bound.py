@@ -33,7 +33,7 @@ from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.robust_noise import FREEDOM
 from services.gnss_correction.robust_state import CLOCK, SIZE, Memory
 from services.gnss_correction.solver_arrays import Float64s, Records
-from services.numerics.kernel import kernel
+from services.numerics.kernel import inner_kernel
 
 COMMON_M: Final = 2.5
 """Horizontal error by broadcast orbits, Klobuchar's half of the ionosphere and the troposphere, one sigma."""
@@ -52,7 +52,7 @@ FORGOTTEN_M: Final = 1e-4
 _USABLE = int(Rejection.USABLE)
 
 
-@kernel
+@inner_kernel
 def respond(rows: Records, memory: Memory) -> None:
     """Carry the responses through the epoch's update and add what its measurements do."""
     covariance, column = memory.covariance, memory.column
@@ -80,14 +80,14 @@ def respond(rows: Records, memory: Memory) -> None:
             response[i] += push * (covariance[i, c] - along)
 
 
-@kernel
+@inner_kernel
 def largest_variance(east: float, cross: float, north: float) -> float:
     """Larger eigenvalue of a symmetric matrix of two rows."""
     half = 0.5 * (east - north)
     return float(0.5 * (east + north) + np.sqrt(half * half + cross * cross))
 
 
-@kernel
+@inner_kernel
 def horizontal_variance_m2(matrix: Float64s, level: Float64s) -> float:
     """Largest horizontal variance of a covariance whose first three unknowns are the place."""
     east, cross, north = 0.0, 0.0, 0.0
@@ -99,7 +99,7 @@ def horizontal_variance_m2(matrix: Float64s, level: Float64s) -> float:
     return largest_variance(east, cross, north)
 
 
-@kernel
+@inner_kernel
 def bias_variance_m2(memory: Memory) -> float:
     """Largest horizontal variance by satellites that have always been late; forgets responses that died away."""
     east, cross, north, level = 0.0, 0.0, 0.0, memory.level
@@ -118,7 +118,7 @@ def bias_variance_m2(memory: Memory) -> float:
     return largest_variance(east, cross, north)
 
 
-@kernel
+@inner_kernel
 def take_excess(rows: Records, memory: Memory, dt_s: float) -> None:
     """Root mean square of the weighted normalised residuals, the good signals counting most; held and decaying."""
     above, below, least = 0.0, 1e-12, UNINFORMED
@@ -135,12 +135,12 @@ def take_excess(rows: Records, memory: Memory, dt_s: float) -> None:
     now.excess = max(np.sqrt(above / below), held, least)
 
 
-@kernel
+@inner_kernel
 def bound_m(memory: Memory, rules: Any, moved_m: float) -> float:  # noqa: ANN401 - numba record
     """Horizontal bound of the present state [m]."""
     now = memory.now[0]
     settled_s = max(now.determined_s - now.started_s, 0.0)
     fresh = now.excess * (1.0 + UNSETTLED * np.exp(-settled_s / SETTLING_S))
-    variance = horizontal_variance_m2(memory.covariance, memory.level) + rules.common_m * rules.common_m
+    variance = horizontal_variance_m2(memory.covariance, memory.level) + memory.now[0].common_m * memory.now[0].common_m
     variance += fresh * fresh * bias_variance_m2(memory)
     return float(rules.bound_factor * np.sqrt(variance) + moved_m)

@@ -5,6 +5,10 @@ ever. Where for DOUBT_S most of the information in the pseudoranges contradicts 
 covariance is opened wide, and the measurements decide. The place then moves against its own
 motion by Doppler: either the old place was wrong, or the new one is (a repeated or spoofed signal
 moves all pseudoranges consistently). Nobody can tell which; the bound covers both for a while.
+
+Who leads all pseudoranges away slowly, and leaves the Dopplers as they are, is told by the sum of what the pseudoranges
+moved the place against the velocity, forgotten with DRAG_S: a lead of r metres per second makes it r DRAG_S.
+Who changes the Dopplers along is seen by wheels or a line alone.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ import numpy as np
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.robust_state import VELOCITY, Memory
 from services.gnss_correction.solver_arrays import Records
-from services.numerics.kernel import kernel
+from services.numerics.kernel import inner_kernel
 
 DOUBT_S: Final = 3.0
 """Longer than vehicles pass a facade that reflects the strong signals too."""
@@ -31,13 +35,17 @@ RESETTLED_M: Final = 20.0
 TOLD_M: Final = 50.0
 """A move against the motion by more is told, and covered by the bound."""
 COVERED_S: Final = 60.0
+DRAG_S: Final = 60.0
+SETTLED_S: Final = 15.0
+BRIDGED_S: Final = 2.0
+"""So long after a start the place is still being found, and after so long without satellites enough."""
 CLOCK_STEP_M: Final = 300.0
 """Step of a clock beyond whole milliseconds that is told: a microsecond, more than steering does at once."""
 
 _USABLE, _INCONSISTENT = int(Rejection.USABLE), int(Rejection.INCONSISTENT)
 
 
-@kernel
+@inner_kernel
 def open_when_doubtful(memory: Memory) -> bool:
     """Open the covariance before an epoch's update when the state has been contradicted for long enough."""
     now = memory.now[0]
@@ -50,7 +58,7 @@ def open_when_doubtful(memory: Memory) -> bool:
     return True
 
 
-@kernel
+@inner_kernel
 def take_move(memory: Memory) -> None:
     """Note how far an opened update moved the place horizontally."""
     now, square_m2 = memory.now[0], 0.0
@@ -66,7 +74,24 @@ def take_move(memory: Memory) -> None:
         now.moved_m, now.moved_s = moved_m, now.t_s
 
 
-@kernel
+@inner_kernel
+def take_drag(memory: Memory, dt_s: float) -> None:
+    """Sum up by how much the pseudoranges move the place against its motion, east and north."""
+    now, fade = memory.now[0], np.exp(-dt_s / DRAG_S)
+    east_m, north_m = 0.0, 0.0
+    if now.t_s - now.began_s > SETTLED_S and now.t_s - now.determined_s < BRIDGED_S:
+        for i in range(3):
+            moved_m = memory.state[i] - memory.predicted[i]
+            east_m += memory.level[0, i] * moved_m
+            north_m += memory.level[1, i] * moved_m
+    now.drag_east_m = now.drag_east_m * fade + east_m
+    now.drag_north_m = now.drag_north_m * fade + north_m
+    drag_m = np.sqrt(now.drag_east_m**2 + now.drag_north_m**2)
+    if drag_m > TOLD_M and drag_m > covered_m(memory):
+        now.moved_m, now.moved_s = drag_m, now.t_s
+
+
+@inner_kernel
 def covered_m(memory: Memory) -> float:
     """What is left of a move to be covered by the bound."""
     now = memory.now[0]
@@ -74,7 +99,7 @@ def covered_m(memory: Memory) -> float:
     return float(now.moved_m * np.exp(-age_s / COVERED_S)) if now.moved_m > 0.0 else 0.0
 
 
-@kernel
+@inner_kernel
 def take_doubt(rows: Records, memory: Memory, dt_s: float) -> int:
     """Count for how long most of the information has contradicted the state; gives the consistent rows.
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from services.gnss_correction.weighting import corrected_extra_m2
 from services.gnss_receiver.observations import SYSTEMS
-from services.numerics.kernel import kernel
+from services.numerics.kernel import inner_kernel, kernel
 
 USUAL_STRONGEST_DBHZ: Final = 51.0
 """C/N0 of an unobstructed satellite high in the sky (IS-GPS-200, 3.3.1.6, by an antenna of 3 dB)."""
@@ -29,6 +29,10 @@ MOST_LOSS_DB: Final = 25.0
 """Weaker signals are believed no less; their deviations are hundreds of metres already."""
 CODE_FLOOR_M: Final = 1.8
 CODE_REFERENCE_M: Final = 4.0
+CORRECTED_REFERENCE_M: Final = 1.0
+CORRECTED_HALVING_DB: Final = 3.5
+"""The same for corrected pseudoranges: what the air adds is gone, and who corrects wants the noise averaged over many
+satellites rather than the two or three strongest. Twice the slope of white noise (6 dB)."""
 DOPPLER_FLOOR_MPS: Final = 0.05
 DOPPLER_REFERENCE_MPS: Final = 0.2
 SLOW_SHARE: Final = 0.3
@@ -46,12 +50,18 @@ _GLONASS = SYSTEMS.index("R")
 _LOSS_UNKNOWN_DB: Final = 13.0
 
 
-@kernel
-def _doublings(strength_dbhz: float, strongest_dbhz: float) -> float:
-    """Factor of a standard deviation by the loss of a signal; 1 at the reference loss."""
+@inner_kernel
+def _loss_db(strength_dbhz: float, strongest_dbhz: float) -> float:
+    """Loss of a signal against the strongest ones."""
     reference_dbhz = min(max(strongest_dbhz, WEAKEST_REFERENCE_DBHZ), USUAL_STRONGEST_DBHZ)
     loss_db = reference_dbhz - strength_dbhz if np.isfinite(strength_dbhz) else _LOSS_UNKNOWN_DB
-    return float(2.0 ** ((min(loss_db, MOST_LOSS_DB) - REFERENCE_LOSS_DB) / HALVING_DB))
+    return float(min(loss_db, MOST_LOSS_DB))
+
+
+@inner_kernel
+def _doublings(strength_dbhz: float, strongest_dbhz: float) -> float:
+    """Factor of a standard deviation by the loss of a signal; 1 at the reference loss."""
+    return float(2.0 ** ((_loss_db(strength_dbhz, strongest_dbhz) - REFERENCE_LOSS_DB) / HALVING_DB))
 
 
 @kernel

@@ -18,7 +18,7 @@ from services.gnss_correction.line_of_sight import EARTH_RATE_RADPS
 from services.gnss_correction.rejection import Rejection
 from services.gnss_correction.robust_state import CLOCK, DRIFT, SIZE, VELOCITY, Memory
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, Float64s, Records
-from services.numerics.kernel import kernel
+from services.numerics.kernel import inner_kernel, kernel
 
 CLIMB_SHARE: Final = 0.1
 """Vertical acceleration against horizontal: vehicles stay on the ground."""
@@ -70,7 +70,7 @@ def predict(memory: Memory, dt_s: float, acceleration_mps2: float) -> None:
             _move(memory.response[code], dt_s)
 
 
-@kernel
+@inner_kernel
 def _median(sample: Float64s, count: int) -> float:
     ordered = np.sort(sample[:count])
     return float(0.5 * (ordered[count // 2] + ordered[(count - 1) // 2]))
@@ -88,7 +88,7 @@ def range_rate_residual_mps(row: Any, state: Float64s) -> float:  # noqa: ANN401
     return float(row.range_rate_mps - (along_mps + turn_mps - row.drift_mps) - state[DRIFT])
 
 
-@kernel
+@inner_kernel
 def _meet(rows: Records, memory: Memory, system: int) -> None:
     """Begin the clock of a constellation that was not seen before, or leave it unknown."""
     count, c = 0, CLOCK + system
@@ -105,7 +105,7 @@ def _meet(rows: Records, memory: Memory, system: int) -> None:
         memory.clock_known[system] = 1
 
 
-@kernel
+@inner_kernel
 def recentre(rows: Records, memory: Memory) -> None:
     """Shift all clocks by the median residual of their pseudoranges, and the drift by that of the Dopplers."""
     state, count = memory.state, 0

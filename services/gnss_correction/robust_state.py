@@ -13,6 +13,7 @@ import numpy as np
 
 from services.gnss_correction.ephemeris_table import CODES
 from services.gnss_correction.solver_arrays import MOST_SYSTEMS, SOLUTION, Float64s, Ints, Records
+from services.numerics.kernel import inner_kernel
 
 VELOCITY: Final = 3
 DRIFT: Final = 6
@@ -27,8 +28,10 @@ NOW: Final = np.dtype([
     *(
         (name, np.float64)
         for name in (
-            # time of the state, of its (re)start, of the last epoch whose satellites alone determine a place
+            # time of the state, of its start from nothing, of when its place was last found anew, of the last epoch
+            # whose satellites alone determine a place
             "t_s",
+            "began_s",
             "started_s",
             "determined_s",
             # how long the pseudoranges have contradicted the state
@@ -36,6 +39,9 @@ NOW: Final = np.dtype([
             # how far the place was moved against its own motion, and when
             "moved_m",
             "moved_s",
+            # by how far pseudoranges have moved it lately against the velocity
+            "drag_east_m",
+            "drag_north_m",
             # by how much the residuals exceed their model, held and decaying
             "excess",
             # the strongest signals, held
@@ -45,12 +51,19 @@ NOW: Final = np.dtype([
             "bound_s",
             # step of the receiver's clock at this epoch beyond whole milliseconds
             "clock_step_m",
+            # cost of the last epoch's pseudoranges at the state, and the mean over the past
+            "cost",
+            "mean_cost",
+            # share of the averaging time for which there has been one
+            "cost_weight",
+            # horizontal error common to all satellites, as in robust_bound.py
+            "common_m",
         )
     ),
 ])  # fmt: skip
 
-FILTER_RULES: Final = np.dtype([(name, np.float64) for name in ("acceleration_mps2", "bound_factor", "common_m")])
-"""Settings of the filter: see `settings.Config`; `common_m` as in robust_bound.py."""
+FILTER_RULES: Final = np.dtype([(name, np.float64) for name in ("acceleration_mps2", "bound_factor")])
+"""Settings of the filter: see `settings.Config`."""
 
 ROBUST_SOLUTION: Final = np.dtype(
     SOLUTION.descr + [(name, np.float64) for name in ("bound_m", "undetermined_s", "moved_m", "clock_step_m")]
@@ -88,25 +101,55 @@ class Memory(NamedTuple):
     sample: Float64s
     weight: Float64s
     """Shape (MOST_ROWS,): weight of each pseudorange of the epoch [1/m²]."""
+    excluded: Ints
+    """Shape (CODES,): 1 for satellites that the filter leaves out."""
     level: Float64s
     """East, north and up at the place, in rows."""
 
 
 def no_memory() -> Memory:
     """A filter that knows nothing."""
+    return Memory(*(column[0] for column in no_memories(1)))
+
+
+def no_memories(count: int) -> Memory:
+    """Filters that know nothing, one in each row of arrays with a dimension more (few arguments compile quickly)."""
     return Memory(
-        np.zeros(1, NOW),
-        np.zeros(SIZE),
-        np.zeros((SIZE, SIZE)),
-        np.zeros(MOST_SYSTEMS, np.int64),
-        np.zeros((CODES, SIZE)),
-        np.zeros(CODES, np.int64),
-        np.zeros(SIZE),
-        np.zeros((SIZE, SIZE)),
-        np.zeros((SIZE, SIZE)),
-        np.zeros(SIZE),
-        np.zeros(SIZE),
-        np.zeros(MOST_ROWS),
-        np.zeros(MOST_ROWS),
-        np.zeros((3, 3)),
+        np.zeros((count, 1), NOW),
+        np.zeros((count, SIZE)),
+        np.zeros((count, SIZE, SIZE)),
+        np.zeros((count, MOST_SYSTEMS), np.int64),
+        np.zeros((count, CODES, SIZE)),
+        np.zeros((count, CODES), np.int64),
+        np.zeros((count, SIZE)),
+        np.zeros((count, SIZE, SIZE)),
+        np.zeros((count, SIZE, SIZE)),
+        np.zeros((count, SIZE)),
+        np.zeros((count, SIZE)),
+        np.zeros((count, MOST_ROWS)),
+        np.zeros((count, MOST_ROWS)),
+        np.zeros((count, CODES), np.int64),
+        np.zeros((count, 3, 3)),
+    )
+
+
+@inner_kernel
+def memory_of(memories: Memory, i: int) -> Memory:
+    """One of several filters."""
+    return Memory(
+        memories.now[i],
+        memories.state[i],
+        memories.covariance[i],
+        memories.clock_known[i],
+        memories.response[i],
+        memories.responding[i],
+        memories.predicted[i],
+        memories.information[i],
+        memories.normal[i],
+        memories.right[i],
+        memories.column[i],
+        memories.sample[i],
+        memories.weight[i],
+        memories.excluded[i],
+        memories.level[i],
     )

@@ -25,7 +25,7 @@ from services.gnss_correction.robust_noise import measurement_weight, urban_dopp
 from services.gnss_correction.robust_prediction import range_rate_residual_mps
 from services.gnss_correction.robust_state import CLOCK, DRIFT, SIZE, VELOCITY, Memory
 from services.gnss_correction.solver_arrays import Float64s, Records
-from services.numerics.kernel import kernel
+from services.numerics.kernel import inner_kernel, kernel
 
 MOST_ROUNDS: Final = 7
 CONVEX_ROUNDS: Final = 2
@@ -34,6 +34,8 @@ UNSETTLED_S: Final = 30.0
 """Added to every standard deviation in the convex rounds so long after a start: the many decide where to begin, not
 the strongest one."""
 STILL_M: Final = 1e-3
+FAR_M: Final = 200.0
+"""Beyond, ranges are computed anew; a straight line over less is off by a millimetre."""
 CORRELATION_S: Final = 0.2
 """Errors of a pseudorange last at least so long: of epochs that follow faster each counts for less."""
 SHORTEST_S: Final = 0.01
@@ -46,13 +48,20 @@ CLIMB_S: Final = 10.0
 _USABLE = int(Rejection.USABLE)
 
 
-@kernel
+@inner_kernel
 def model(rows: Records, place: Float64s, level: tuple[float, float, float], tow_s: float, rules: Any) -> None:  # noqa: ANN401 - numba record
     """What every pseudorange should be at `place`, without the receiver's clock, and its direction."""
     for row in rows:
         look(row, place)
         direct(row, level)
         row.modelled_m += delay_m(row, level, tow_s, rules)
+
+
+@inner_kernel
+def _shift(rows: Records, step: Float64s) -> None:
+    """What the pseudoranges should be after a step of the place that is short against the orbits' height."""
+    for row in rows:
+        row.modelled_m -= row.line_x * step[0] + row.line_y * step[1] + row.line_z * step[2]
 
 
 @kernel
@@ -70,7 +79,7 @@ def _take_code(row: Any, weight: float, memory: Memory) -> None:  # noqa: ANN401
     right[c] += weight * row.residual_m
 
 
-@kernel
+@inner_kernel
 def _take_rate(row: Any, residual_mps: float, weight: float, memory: Memory) -> None:  # noqa: ANN401 - numba record
     """Add a Doppler to the normal equations."""
     normal, right = memory.normal, memory.right
@@ -106,7 +115,7 @@ def _take_prediction(memory: Memory, dt_s: float) -> None:
             memory.normal[VELOCITY + i, VELOCITY + j] += weight * up[i] * up[j]
 
 
-@kernel
+@inner_kernel
 def _round(rows: Records, memory: Memory, dt_s: float, strongest_dbhz: float, robust: bool) -> float:  # noqa: FBT001 - kernels take no keywords
     """One weighted step of the state; its length in space [m], NaN where the equations have no solution."""
     state = memory.state
@@ -144,7 +153,7 @@ def invert(matrix: Float64s, factor: Float64s, inverse: Float64s, column: Float6
     return True
 
 
-@kernel
+@inner_kernel
 def _unfold(factor: Float64s, inverse: Float64s, column: Float64s) -> None:
     """Inverse of the matrix of a Cholesky factor, symmetric to the last bit."""
     for j in range(SIZE):
@@ -157,7 +166,7 @@ def _unfold(factor: Float64s, inverse: Float64s, column: Float64s) -> None:
             inverse[i, j] = inverse[j, i] = 0.5 * (inverse[i, j] + inverse[j, i])
 
 
-@kernel
+@inner_kernel
 def update(
     rows: Records,
     memory: Memory,
@@ -171,13 +180,15 @@ def update(
     if not invert(memory.covariance, memory.normal, memory.information, memory.column):
         return False
     for turn in range(MOST_ROUNDS):
-        if turn > 0:
-            state = memory.state
-            model(rows, state, geodetic(state[0], state[1], state[2]), tow_s, rules)
         step_m = _round(rows, memory, dt_s, strongest_dbhz, turn >= CONVEX_ROUNDS)
         if not np.isfinite(step_m):
             memory.state[:] = memory.predicted
             return False
+        if step_m > FAR_M:
+            state = memory.state
+            model(rows, state, geodetic(state[0], state[1], state[2]), tow_s, rules)
+        else:
+            _shift(rows, memory.right)
         if turn > CONVEX_ROUNDS and step_m < STILL_M:
             break
     _unfold(memory.normal, memory.covariance, memory.column)

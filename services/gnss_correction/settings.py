@@ -52,7 +52,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """How old a fix may be whose height is held; 0 holds none."""
     acceleration_mps2: Annotated[float, Meta(gt=0.0, le=50.0)] = 1.0
     """Density of the horizontal acceleration in `robust` per root hertz: trains start and brake at about this."""
-    bound_factor: Annotated[float, Meta(ge=1.0, le=10.0)] = 4.2
+    bound_factor: Annotated[float, Meta(ge=1.0, le=10.0)] = 3.8
     """Standard deviations in the horizontal bound of `robust`."""
     threshold_m: Positive = 0.45
     """A change of pseudorange per 0.2 s that differs from its mean by more is held for multipath (paper, 4.4)."""
