@@ -11,9 +11,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.line import Branch, ChainagePoint, Line, ParallelTrack, Station
+from schemas.line import Branch, ChainagePoint, Curve, Line, ParallelTrack, Station
 from services.line.alignment import alignment_of, routes
 from services.line.chainage import Chainage
+from services.line.geometry_check import against_axis
 from services.line.imported_profile import ProfileAlong
 from services.line.laid_way import LaidWay, lay, lay_branch
 from services.line.landmarks import landmarks_of
@@ -116,6 +117,7 @@ def import_line(
             _branch(number, way, leaves_m, main, placed) for number, (way, leaves_m) in enumerate(branches, 1)
         ),
     )
+    line = _without_contradictions(line, notes)
     return Imported(
         _with_landmarks(line, wishes.landmark_accuracy_m), (*notes, *left_out), float(main.axis_m[-1]), axis.noise_m
     )
@@ -266,6 +268,29 @@ def _parallel(stitched: Stitched, main: LaidWay) -> tuple[ParallelTrack, ...]:
             )
         )
     return tuple(found)
+
+
+def _without_contradictions(line: Line, notes: list[str]) -> Line:
+    """Without the curves that the axis, as smoothed, does not bear out."""
+
+    def sound(curves: Sequence[Curve], route: str) -> tuple[Curve, ...]:
+        alignment = alignment_of(line, route)
+        return tuple(one for one in curves if not list(against_axis(one, alignment, "")))
+
+    listed = _curve_count(line)
+    while True:
+        before = _curve_count(line)
+        branches = tuple(msgspec.structs.replace(one, curves=sound(one.curves, one.id)) for one in line.branches)
+        line = msgspec.structs.replace(line, curves=sound(line.curves, ""), branches=branches)
+        if _curve_count(line) == before:
+            break
+    if before < listed:
+        notes.append(f"{listed - before} curves that turn otherwise than the axis does are left out")
+    return line
+
+
+def _curve_count(line: Line) -> int:
+    return len(line.curves) + sum(len(one.curves) for one in line.branches)
 
 
 def _with_landmarks(line: Line, accuracy_m: float) -> Line:

@@ -90,8 +90,8 @@ def test_runs_of_a_phone_are_followed_through_gaps_and_noise(line_80: tuple[Impo
     con = duckdb.connect()
     con.execute("SET threads=1")
     rows = con.execute(query, [str(HUNGARY / "runs.parquet"), run]).fetchnumpy()
-    t_s, lat, lon = (np.ma.filled(np.ma.asarray(rows[name], float), np.nan) for name in ("t", "lat", "lon"))
-    found = project_run((alignment,), t_s, lat, lon, 8.0)
+    columns: list[np.ndarray] = [np.ma.filled(np.ma.asarray(rows[name], float), np.nan) for name in ("t", "lat", "lon")]
+    found = project_run((alignment,), columns[0], columns[1], columns[2], 8.0)
     on_line = np.isfinite(found.axis_m)
     # 2 to 5 % of the fixes are far off the track.
     assert on_line.mean() > 0.95
