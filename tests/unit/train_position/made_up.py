@@ -20,6 +20,7 @@ DEGREES = LENGTH_M / 111_319.49079327358
 """Along the equator."""
 BALISE_EVERY_M = 500.0
 LENGTH_OF_TRAIN_M = 60.0
+AS_BUILT = Makeup(LENGTH_OF_TRAIN_M, "A", forward="vehicle")
 
 
 def straight_line(version: str = "1") -> Line:
@@ -63,7 +64,7 @@ class Run:
     speed_mps: float = 0.0
     t_ns: int = START_NS
     origin: str = "o1"
-    makeup: Makeup = Makeup(LENGTH_OF_TRAIN_M, "A", forward="vehicle")
+    makeup: Makeup = AS_BUILT
     distance_m: float = 0.0
     way_m: float = 0.0
     excess_m: float = 0.0
@@ -79,6 +80,10 @@ class Run:
     def position(self) -> TrainPosition:
         """What was published last."""
         return next(one for one in reversed(self.heard) if isinstance(one, TrainPosition))
+
+    def status(self) -> str:
+        """Status published last."""
+        return self.position.status
 
     def odometry(self, **changes: object) -> Odometry:
         """The odometry's message of now."""

@@ -59,21 +59,36 @@ class Driver:
         for _, _, message in due:
             self.run.hear(message)
 
+    def drive(self, count: int, acceleration: float, *, silent: bool) -> None:
+        run = self.run
+        for _ in range(count):
+            target_mps = min(max(run.speed_mps + acceleration * 0.1, -MOST_MPS), MOST_MPS)
+            run.go(0.1, (target_mps - run.speed_mps) / 0.1, silent=silent)
+            self.arrive()
+            said = run.keeper.on_time(run.t_ns) if silent and run.heard else []
+            run.heard += said
+            if said or not silent:
+                run.require_true()
+
+    def provisional(self, size: float, share: float) -> None:
+        """What is provisional for now becomes an excess for good later."""
+        run = self.run
+        run.distance_m += share * size
+        run.way_m += abs(share * size)
+        run.provisional_m = size
+        self.drive(2, 0.0, silent=False)
+        self.measured(run.front_end(-share, 1.0))
+        self.drive(2, 0.0, silent=False)
+        run.distance_m -= share * size
+        run.way_m += abs(share * size)
+        run.provisional_m = 0.0
+        run.excess_m += 2.0 * abs(share * size)
+
     def step(self, kind: str, size: Any, share: Any) -> None:  # noqa: ANN401 - drawn by hypothesis
         run = self.run
         match kind:
             case "run" | "silent":
-                for _ in range(size):
-                    target_mps = min(max(run.speed_mps + share * 0.1, -MOST_MPS), MOST_MPS)
-                    run.go(0.1, (target_mps - run.speed_mps) / 0.1, silent=kind == "silent")
-                    self.arrive()
-                    spoken = kind == "run"
-                    if not spoken and run.heard:
-                        said = run.keeper.on_time(run.t_ns)
-                        run.heard += said
-                        spoken = bool(said)
-                    if spoken:
-                        run.require_true()
+                self.drive(size, share, silent=kind == "silent")
                 return
             case "gnss":
                 self.measured(run.front_end(share * size, size))
@@ -85,17 +100,7 @@ class Driver:
             case "slip":
                 run.slip(share * size, size)
             case "provisional":
-                # What is provisional for now becomes an excess for good in the next step.
-                run.distance_m += share * size
-                run.way_m += abs(share * size)
-                run.provisional_m = size
-                self.step("run", 2, 0.0)
-                self.measured(run.front_end(-share, 1.0))
-                self.step("run", 2, 0.0)
-                run.distance_m -= share * size
-                run.way_m += abs(share * size)
-                run.provisional_m = 0.0
-                run.excess_m += 2.0 * abs(share * size)
+                self.provisional(size, share)
             case "turned":
                 # Heard before the train moves again.
                 run.hear(TrainChange(t_ns=run.t_ns, kind="wheel_turned"))

@@ -102,7 +102,7 @@ def test_measurements_ahead_of_the_odometry_wait_for_it() -> None:
     assert run.hear(run.front_end(0.0, 5.0)) == []
     run.heard += run.keeper.on_odometry(run.odometry())
     run.require_true()
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
 
 
 def test_direction_by_the_way_from_place_to_place() -> None:
@@ -157,11 +157,11 @@ def test_a_first_place_takes_two_landmarks() -> None:
     run.go(20.0, 0.5)
     run.hear(run.landmark("C1"))
     run.go(30.0)
-    assert run.position.status == "lost"
+    assert run.status() == "lost"
     assert "another landmark" in run.position.reason
     run.hear(run.landmark("C2"))
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     run.require_true()
 
 
@@ -172,7 +172,7 @@ def test_two_landmarks_at_a_wrong_distance_make_no_place() -> None:
     run.go(30.0)
     run.hear(run.landmark("C2"))
     run.go(0.1)
-    assert run.position.status == "lost"
+    assert run.status() == "lost"
 
 
 def test_a_balise_makes_a_first_place() -> None:
@@ -180,7 +180,7 @@ def test_a_balise_makes_a_first_place() -> None:
     run.go(10.0, 1.0)
     run.hear(BalisePassage(t_ns=run.t_ns, balise="B2"))
     run.go(0.1)
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
     assert "direction" in run.position.reason
 
 
@@ -246,7 +246,7 @@ def test_absurd_odometry_is_refused(changes: dict[str, object]) -> None:
     run.way_m += 1.0
     run.heard += run.keeper.on_odometry(run.odometry())
     run.require_true()
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
 
 
 def test_a_clock_that_was_set_back_costs_two_seconds() -> None:
@@ -258,7 +258,7 @@ def test_a_clock_that_was_set_back_costs_two_seconds() -> None:
     run.go(3.0)
     assert run.position.t_ns == run.t_ns
     run.require_true()
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
 
 
 def test_another_line_version_refuses_landmarks() -> None:
@@ -300,14 +300,14 @@ def test_cold_movement_is_lost_until_a_reference() -> None:
     run.go(0.1)
     run.hear(TrainChange(t_ns=run.t_ns, kind="moved_cold", note="hauled"))
     run.go(0.1)
-    assert run.position.status == "lost"
+    assert run.status() == "lost"
     assert "moved" in run.position.reason
     assert run.position.axis_m is None
     run.axis_m += 4_000.0
     run.hear(run.front_end(0.0, 5.0))
     run.go(0.1)
     run.require_true()
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
 
 
 def test_odometry_that_is_lost_leaves_physics() -> None:
@@ -319,10 +319,10 @@ def test_odometry_that_is_lost_leaves_physics() -> None:
         run.go(0.1, -0.8, silent=True)
         run.heard += run.keeper.on_odometry(run.odometry(status="lost", distance_m=0.0, speed_mps=0.0))
         run.require_true()
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
     assert run.position.speed_mps is None
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     run.require_true()
     # The odometry counted on: 5 m and 2 % of the way, not what physics allows.
     assert (run.position.bound_ahead_m or 0.0) < 9.0
@@ -339,7 +339,7 @@ def test_without_odometry_for_too_long_it_is_lost() -> None:
         run.heard += said
         if said:
             run.require_true()
-    assert run.position.status == "lost"
+    assert run.status() == "lost"
 
 
 def test_satellites_carry_the_position_alone() -> None:
@@ -350,7 +350,7 @@ def test_satellites_carry_the_position_alone() -> None:
         run.hear(run.front_end(2.0, 5.0))
         run.heard += run.keeper.on_time(run.t_ns)
     run.require_true()
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
 
 
 def test_a_stop_is_demanded_until_the_train_stands() -> None:

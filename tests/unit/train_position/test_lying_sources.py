@@ -10,12 +10,12 @@ from schemas.position import PositionEvent, TrainPosition
 from tests.unit.train_position.made_up import Run, run_with
 
 
-def started(**changes: object) -> Run:
-    run = run_with(axis_m=2_000.0, **changes)
+def started(wheel_error: float = 0.0) -> Run:
+    run = run_with(axis_m=2_000.0, wheel_error=wheel_error)
     run.go(10.0, 1.0)
     run.hear(run.front_end(0.0, 5.0))
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     return run
 
 
@@ -53,7 +53,7 @@ def test_the_same_source_does_not_settle_its_own_quarrel() -> None:
     for _ in range(100):
         run.go(0.4)
         run.hear(run.front_end(90.0, 5.0))
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
     assert holds(run)
 
 
@@ -64,7 +64,7 @@ def test_a_reference_settles_it(reference: str) -> None:
     run.go(5.0)
     run.hear(run.landmark("C1") if reference == "landmark" else run.balise())
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     assert holds(run)
     least_m, greatest_m = run.margin_m()
     assert greatest_m - least_m < 25.0
@@ -79,11 +79,11 @@ def test_satellites_settle_it_elsewhere_when_they_have_come_to_agree() -> None:
     run.go(1.0)
     run.hear(run.front_end(0.0, 5.0))
     run.go(0.1)
-    assert run.position.status == "degraded", "a second later their errors are the same ones"
+    assert run.status() == "degraded", "a second later their errors are the same ones"
     run.go(40.0)
     run.hear(run.front_end(0.0, 5.0))
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     assert holds(run)
 
 
@@ -93,7 +93,7 @@ def test_a_repeated_landmark_is_no_further_evidence() -> None:
     run.hear(lie)
     run.hear(lie)
     run.go(0.1)
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
     assert run.keeper.refused == {"repeated": 1}
 
 
@@ -101,7 +101,7 @@ def test_claims_that_barely_overlap_contradict_each_other() -> None:
     run = started()
     run.hear(run.landmark("C1", 14.99, 10.0))
     run.go(0.1)
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
 
 
 LIES = st.floats(-400.0, 400.0)
@@ -117,10 +117,8 @@ LIES = st.floats(-400.0, 400.0)
 def test_one_liar_among_three(liar: str, lie_m: float, wheel: float, legs: list[tuple[int, float]]) -> None:
     """A lie beyond true claims is seen; one hidden among them moves the interval by no more than they are wide."""
     run = started(wheel_error=wheel)
-    number = 0
-    for count, share in legs:
+    for number, (count, share) in enumerate(legs):
         run.go(0.1 * count)
-        number += 1
         run.hear(run.front_end(lie_m if liar == "gnss" else share * 5.0, 5.0))
         run.hear(run.landmark(f"C{number}", lie_m if liar == "landmark" else share * 10.0, 10.0))
         balise = run.balise(lie_m if liar == "balise" else share)
@@ -152,9 +150,9 @@ def test_too_many_alternatives_become_one_wide_one() -> None:
     least_m, greatest_m = run.margin_m()
     assert holds(run)
     assert greatest_m - least_m > 590.0
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
     run.hear(run.balise())
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     assert holds(run)
     assert isinstance(run.heard[-1], TrainPosition)

@@ -187,7 +187,7 @@ def at_the_junction() -> Run:
     run.go(10.0, 1.0)
     run.hear(run.front_end(0.0, 5.0))
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     run.go(15.0)
     return run
 
@@ -202,7 +202,7 @@ def test_undecided_at_a_junction_is_degraded_and_occupies_both() -> None:
     run.hear(BranchEvidence(t_ns=run.t_ns, junction_axis_m=20_000.0, decided="north", chances=(), reason="curvature"))
     run.go(0.1)
     assert run.position.branch == "north"
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     assert [one.text for one in run.heard if isinstance(one, PositionEvent) and one.kind == "branch"] == ["on north"]
 
 
@@ -213,7 +213,7 @@ def test_a_route_set_before_decides() -> None:
     run.hear(TrainChange(t_ns=run.t_ns, kind="route", branch="north"))
     run.go(70.0)
     assert run.position.branch == "north"
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
 
 
 def test_satellites_tell_the_branch_by_what_is_aside() -> None:

@@ -53,7 +53,7 @@ def test_the_odometry_bridges_a_restart() -> None:
     assert position.bound_ahead_m == pytest.approx(before_m + 0.02 * 28.0, abs=0.4)
     run.hear(run.landmark("C2", 0.0, 5.0))
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     run.require_true()
 
 
@@ -83,7 +83,7 @@ def test_both_restarted_within_seconds_physics_bounds_the_gap() -> None:
     restarted(run, kept)
     run.go(0.1)
     run.require_true()
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
     assert "without odometry" in run.position.reason
 
 
@@ -98,13 +98,13 @@ def test_after_a_night_it_is_lost_until_a_reference() -> None:
     run.axis_m += 700.0  # shunted by others
     restarted(run, kept)
     run.go(1.0)
-    assert run.position.status == "lost"
+    assert run.status() == "lost"
     assert "may have been moved" in run.position.reason
     assert run.position.axis_m is None
     assert run.position.direction == "up"
     run.hear(run.front_end(0.0, 5.0))
     run.go(0.1)
-    assert run.position.status == "valid"
+    assert run.status() == "valid"
     run.require_true()
 
 
@@ -113,7 +113,7 @@ def test_another_version_of_the_line_forgets_the_place() -> None:
     kept = kept_of(run)
     restarted(run, kept, LinePlaces(straight_line("2")))
     run.go(0.1)
-    assert run.position.status == "lost"
+    assert run.status() == "lost"
     assert "made-up 2" in run.position.reason
 
 
@@ -124,7 +124,7 @@ def test_make_up_scale_and_contradiction_survive() -> None:
     run.go(0.1)
     run.hear(run.landmark("C9", 150.0, 5.0))
     run.go(0.1)
-    assert run.position.status == "degraded"
+    assert run.status() == "degraded"
     kept = kept_of(run)
     restarted(run, kept)
     run.go(0.1)
