@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from services.numerics.kernel import kernel
-from services.odometry_fusion.tick_layout import Records
+from services.odometry_fusion.fused_layout import Record
 
 LEAST_SHARE: Final = 0.003
 """The jitter is a mean over half a minute."""
@@ -16,7 +16,7 @@ LONGEST_STILL: Final = 20.0
 
 
 @kernel
-def rim_variance(z_m: float, pulse_m: float, now: Records, dt_s: float) -> float:
+def rim_variance(z_m: float, pulse_m: float, now: Record, dt_s: float) -> float:
     """Variance [m²] of the way at hand, and the rim's speed into `now`.
 
     Counting teeth errs evenly over one of them: pulse²/12. While fewer than one passes per tick, errors repeat
@@ -36,4 +36,4 @@ def rim_variance(z_m: float, pulse_m: float, now: Records, dt_s: float) -> float
     now.z3_m, now.z2_m, now.z1_m = now.z2_m, now.z1_m, z_m
     jitter_m2 = max(now.jitter_m2, 0.0) / max(now.jitter_mps2, 1.0) * now.rim_mps * now.rim_mps
     repeated = pulse_m / (abs(now.rim_mps) * dt_s + 1e-9)
-    return (teeth_m2 + jitter_m2) * max(1.0, min(LONGEST_STILL, repeated))
+    return float((teeth_m2 + jitter_m2) * max(1.0, min(LONGEST_STILL, repeated)))

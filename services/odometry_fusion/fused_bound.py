@@ -1,0 +1,77 @@
+"""The error that the fused mode vouches for.
+
+    bound = start + share · way + excess + provisional, never above 5 m + 5 % of the way
+
+`provisional`, while the account is not settled (slip, gap, doubt between accounts): FACTOR times what the variance of
+the distance has gained since it last was, and how far the accounts that may still be true lie apart. What is left of
+it when all is calm again goes into `excess` for good.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from services.numerics.kernel import kernel
+from services.odometry_fusion.fused_layout import ADHERING, Branches, D, Record, W
+
+FACTOR: Final = 4.0
+LEFT_M: Final = 0.5
+"""What every episode leaves beside its variance: the start point is one of several."""
+LIKELY_LOG: Final = -7.0
+"""Accounts within so much of the best one may be true."""
+CALM_TICKS: Final = 20
+LONG_SLIP_S: Final = 15.0
+"""From then on wheel and inertial solution are both vouched for."""
+ETCS_M: Final = 5.0
+ETCS_SHARE: Final = 0.05
+"""Accuracy of distance that ETCS asks for (SUBSET-041)."""
+UNSEEN_SHARE: Final = 0.1
+UNSEEN_M: Final = 20.0
+"""A slip that no inertial sensor sees: share of the way, and at most (Iwata et al., section 3.1.4: 22.8 m)."""
+
+
+@kernel
+def provisional(branches: Branches, now: Record, dt_s: float) -> float:
+    """What is not settled adds for now [m]."""
+    best = branches.x[now.best]
+    own = branches.about[now.best]
+    gained = max(0.0, branches.p[now.best, D, D] - now.settled_var)
+    apart_m = 0.0
+    for i in range(now.branches):
+        if branches.about[i].log_weight > LIKELY_LOG:
+            apart_m = max(apart_m, abs(branches.x[i, D] - best[D]))
+    if own.mode != ADHERING and (now.tick - own.since) * dt_s > LONG_SLIP_S:
+        apart_m = max(apart_m, abs(lost_way(branches, now)))
+    return float(FACTOR * np.sqrt(gained) + apart_m)
+
+
+@kernel
+def lost_way(branches: Branches, now: Record) -> float:
+    """Way by the inertial sensor minus way by the wheel, over the believed account's latest slip [m]."""
+    best, own = branches.x[now.best], branches.about[now.best]
+    return float((best[D] - own.slip_d_m) - (best[W] - own.slip_w_m))
+
+
+@kernel
+def settle(branches: Branches, now: Record) -> None:
+    """Once all has been calm for a while, take what an episode left into the excess, and the variance as known."""
+    if now.calm < CALM_TICKS:
+        return
+    variance = branches.p[now.best, D, D]
+    if now.unsettled:
+        own = branches.about[now.best]
+        now.excess_m += LEFT_M + FACTOR * np.sqrt(max(0.0, variance - now.settled_var))
+        if own.free:
+            now.excess_m += abs(lost_way(branches, now))
+            own.free = 0
+        now.unsettled = 0
+    now.settled_var = variance
+
+
+@kernel
+def allowed(way_m: float, distance_m: float) -> float:
+    """5 m + 5 % of the way [m], where the way is no more than the distance unless the train turns back."""
+    reach_m = abs(distance_m)
+    return ETCS_M + ETCS_SHARE * (reach_m if way_m - reach_m < 2.0 * ETCS_M + 0.1 * way_m else way_m)

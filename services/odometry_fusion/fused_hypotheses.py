@@ -1,0 +1,221 @@
+"""Accounts of what the wheels do, side by side: begun, ended, weighed, and the unlikely ones dropped.
+
+A jump Markov system: every account is a filter of its own with the likelihood of all that it has been shown. From
+the best adhering one a slip is tried anew every TRY_TICKS, so that start points of every age are at hand when a slip
+shows (the anchors 2, 4, 7 s … back, and the several start points that Iwata et al., section 4.3.1, propose); going
+over to one of them is the roll-back. Every slipping account keeps trying to end: its slip speed must then be about
+nought (re-adhesion), or, at a price that falls with the time since the inertial speed was last held by a wheel, the
+wheel's speed is taken over against the inertial one. The adhering account is never dropped either. A wrong slip
+therefore ends by the weight of evidence, whatever the inertial solution has drifted to meanwhile.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from services.numerics.kernel import kernel
+from services.odometry_fusion.fused_branch import correct
+from services.odometry_fusion.fused_layout import ADHERING, BRANCHES, SLIPPING, TH, Branches, D, Record, U, V, W
+from services.odometry_fusion.motion_log import Counts
+
+TRY_TICKS: Final = 3
+BEGIN_LOG: Final = -8.5
+"""A slip begins in any 0.3 s: once in about 25 minutes, in logarithm. Rarer than slips are: one must be seen."""
+END_LOG: Final = -2.0
+SHORTEST_SLIP_TICKS: Final = 12
+FREE_LOG: Final = -72.0
+"""Price of taking the wheel's speed over against the inertial one, less 1 per second of slip, at least LEAST_FREE."""
+LEAST_FREE: Final = -22.0
+FREE_SIGMA: Final = (0.3, 0.08)
+"""Inertial speed's error beside its own account of it: m/s, and m/s per second of slip."""
+FREE_TILT_RAD: Final = 0.01
+FIRST_WALK: Final = 0.15**2
+FIRST_SLIP_MPS: Final = 0.05
+END_SLIP_MPS: Final = 0.08
+"""Slip speed at the very beginning and end of a slip."""
+LEAST_MPS: Final = 0.8
+"""Slower, neither train nor wheel, no slip begins."""
+WORST_LOG: Final = -40.0
+ALIKE: Final = (0.1, 0.004, 0.5)
+"""Adhering accounts that have come so close in speed, attitude and distance are one and the same."""
+ALIKE_TICKS: Final = 30
+AGES: Final = (10, 20, 35, 60, 100)
+"""Of every mode the best account of each age (in ticks) is kept."""
+GROUPS: Final = 2 * (len(AGES) + 1)
+
+
+@kernel
+def copy_branch(branches: Branches, source: int, target: int) -> None:
+    """Let one account be another's equal."""
+    branches.x[target] = branches.x[source]
+    branches.p[target] = branches.p[source]
+    branches.about[target] = branches.about[source]
+
+
+@kernel
+def begin_slip(branches: Branches, source: int, target: int, tick: int) -> None:
+    """The account that wheels which adhered so far slip from now on."""
+    copy_branch(branches, source, target)
+    own, x = branches.about[target], branches.x[target]
+    own.mode, own.since, own.slip_since = SLIPPING, tick, tick
+    own.log_weight += BEGIN_LOG
+    own.walk, own.top_mps, own.free = FIRST_WALK, 0.0, 0
+    own.slip_d_m, own.slip_w_m = x[D], x[W]
+    branches.p[target, U, U] += FIRST_SLIP_MPS**2
+
+
+@kernel
+def end_slip(branches: Branches, source: int, target: int, tick: int, creep_var: float) -> None:
+    """The account that the wheels adhere again: the slip speed has come down to nought.
+
+    The chance to end at slip speed U goes with exp(-U²/2w²): its mean over the account's own distribution of U is
+    the price.
+    """
+    if source != target:
+        copy_branch(branches, source, target)
+    own = branches.about[target]
+    variance = END_SLIP_MPS**2 + creep_var
+    spread = branches.p[target, U, U] + variance
+    slip_mps = branches.x[target, U]
+    own.log_weight += END_LOG + 0.5 * np.log(variance / spread) - 0.5 * slip_mps * slip_mps / spread
+    correct(branches.x[target], branches.p[target], U, -slip_mps, variance)
+    own.mode, own.since = ADHERING, tick
+
+
+@kernel
+def take_over(branches: Branches, source: int, target: int, tick: int, dt_s: float, creep_var: float) -> None:
+    """The account that the wheels adhere and the inertial solution has been wrong: the supervised exit."""
+    copy_branch(branches, source, target)
+    own, p = branches.about[target], branches.p[target]
+    slip_s = (tick - own.since) * dt_s
+    loose = (FREE_SIGMA[0] + FREE_SIGMA[1] * slip_s) ** 2
+    # Speed and slip speed err against each other: their sum is the wheel's.
+    p[V, V] += loose
+    p[U, U] += loose
+    p[V, U] -= loose
+    p[U, V] -= loose
+    p[TH, TH] += FREE_TILT_RAD**2
+    own.log_weight += min(LEAST_FREE, FREE_LOG + slip_s)
+    own.free = 1
+    end_slip(branches, target, target, tick, creep_var)
+
+
+@kernel
+def branch_out(branches: Branches, now: Record, begins: bool, dt_s: float) -> None:  # noqa: FBT001 - a kernel takes its arguments by place
+    """Try slips that begin (if `begins`) and slips that end, from the accounts at hand."""
+    count, tick = now.branches, now.tick
+    adhering, slipping = -1, -1
+    for i in range(count):
+        own = branches.about[i]
+        if own.mode == ADHERING:
+            if adhering < 0 or own.log_weight > branches.about[adhering].log_weight:
+                adhering = i
+        elif tick - own.since >= SHORTEST_SLIP_TICKS and (
+            slipping < 0 or own.log_weight > branches.about[slipping].log_weight
+        ):
+            slipping = i
+    target = count
+    if adhering >= 0 and begins and max(abs(now.rim_mps), abs(branches.x[adhering, V])) > LEAST_MPS:
+        begin_slip(branches, adhering, target, tick)
+        target += 1
+    for i in range(count):
+        own = branches.about[i]
+        if own.mode == SLIPPING and tick - own.since >= SHORTEST_SLIP_TICKS:
+            end_slip(branches, i, target, tick, now.creep_var)
+            target += 1
+    if slipping >= 0:
+        take_over(branches, slipping, target, tick, dt_s, now.creep_var)
+        target += 1
+    now.branches = target
+
+
+@kernel
+def _alike(branches: Branches, one: int, other: int, tick: int) -> bool:
+    a, b = branches.about[one], branches.about[other]
+    if a.mode != ADHERING or b.mode != ADHERING or tick - max(a.since, b.since) <= ALIKE_TICKS:
+        return False
+    apart = np.abs(branches.x[one] - branches.x[other])
+    return bool(apart[V] < ALIKE[0] and apart[TH] < ALIKE[1] and apart[D] < ALIKE[2])
+
+
+@kernel
+def _drop(branches: Branches, gone: int, count: int) -> int:
+    if gone != count - 1:
+        copy_branch(branches, count - 1, gone)
+    return count - 1
+
+
+@kernel
+def _bests(branches: Branches, count: int, tick: int) -> Counts:
+    """The best account of every mode and age, -1 where there is none."""
+    bests = np.full(GROUPS, -1, np.int64)
+    for i in range(count):
+        own = branches.about[i]
+        group = 0
+        while group < len(AGES) and tick - own.since >= AGES[group]:
+            group += 1
+        if own.mode == ADHERING:
+            group += len(AGES) + 1
+        if bests[group] < 0 or own.log_weight > branches.about[bests[group]].log_weight:
+            bests[group] = i
+    return bests
+
+
+@kernel
+def _unite(branches: Branches, count: int, tick: int) -> int:
+    """Drop the less likely of accounts that are alike."""
+    i = 0
+    while i < count:
+        j = i + 1
+        while j < count:
+            if not _alike(branches, i, j, tick):
+                j += 1
+                continue
+            if branches.about[j].log_weight > branches.about[i].log_weight:
+                copy_branch(branches, j, i)
+            count = _drop(branches, j, count)
+        i += 1
+    return count
+
+
+@kernel
+def prune(branches: Branches, now: Record) -> None:
+    """Weigh against the best; unite the alike, drop the hopeless, and the worst while there are too many."""
+    count, about, tick = now.branches, branches.about, now.tick
+    best = -np.inf
+    for i in range(count):
+        best = max(best, about[i].log_weight)
+    for i in range(count):
+        about[i].log_weight -= best
+    count = _unite(branches, count, tick)
+    for i in range(count - 1, -1, -1):
+        if about[i].log_weight < WORST_LOG:
+            count = _drop(branches, i, count)
+    while count > BRANCHES:
+        bests = _bests(branches, count, tick)
+        worst = -1
+        for i in range(count):
+            if (bests != i).all() and (worst < 0 or about[i].log_weight < about[worst].log_weight):
+                worst = i
+        count = _drop(branches, max(worst, 0), count)
+    now.branches = count
+
+
+@kernel
+def slip_share(branches: Branches, now: Record) -> float:
+    """Probability that the wheels slip; the believed account into `now.best`."""
+    best = 0
+    for i in range(now.branches):
+        if branches.about[i].log_weight > branches.about[best].log_weight:
+            best = i
+    now.best = best
+    adhering = slipping = 0.0
+    for i in range(now.branches):
+        weight = np.exp(branches.about[i].log_weight - branches.about[best].log_weight)
+        if branches.about[i].mode == ADHERING:
+            adhering += weight
+        else:
+            slipping += weight
+    return slipping / (adhering + slipping)

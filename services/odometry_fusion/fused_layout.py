@@ -1,0 +1,213 @@
+"""State of one branch of the fused mode, what is kept of each branch and of all, and what comes out.
+
+A branch is one account of what the wheels have done so far ("adhering", "slipping since …"). Its state, in metres of
+the wheel's nominal diameter:
+
+D  way of the train [m]                      W  way of the wheel's rim [m]
+V  speed of the train [m/s]                  TH angle by which gravity shows on the x axis, nose up [rad]
+B  what the pitch rate lacks [rad/s]         C  share of the yaw rate that leaks into the pitch rate
+M  turn of the sensor about z [rad]          L  lead of the wheel over the inertial sensor [s]
+U  speed of the rim over the ground [m/s]: micro-slip while adhering, the slip itself in a slip
+
+The accelerometer's bias and the mounting's pitch angle cannot be told from the track's gradient and need not be:
+all three are TH. L also takes what micro-slip is in proportion to tractive effort.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.odometry_fusion.motion_log import Floats
+from services.odometry_fusion.tick_layout import Records
+
+D: Final = 0
+W: Final = 1
+V: Final = 2
+TH: Final = 3
+B: Final = 4
+C: Final = 5
+M: Final = 6
+L: Final = 7
+U: Final = 8
+SIZE: Final = 9
+"""Unknowns of a branch."""
+BRANCHES: Final = 16
+"""Accounts kept from one tick to the next."""
+ROOM: Final = 3 * BRANCHES
+"""Accounts while new ones are tried: each may begin a slip, and end one in two ways."""
+ADHERING: Final = 0
+SLIPPING: Final = 1
+GRAVITY_MPS2: Final = 9.80665
+
+Record = Any
+"""One element of a record array, its fields by name."""
+State = Floats
+"""Shape (SIZE,)."""
+Covariance = NDArray[np.float64]
+"""Shape (SIZE, SIZE)."""
+
+BRANCH: Final[np.dtype[Any]] = np.dtype([
+    ("mode", np.int64),
+    # tick at which the mode began, and its latest slip
+    ("since", np.int64),
+    ("slip_since", np.int64),
+    # the wheel's speed was taken over against the inertial one when the slip ended
+    ("free", np.int64),
+    *(
+        (name, np.float64)
+        for name in (
+            "log_weight",
+            # intensity of the slip speed's random walk [m²/s³], as it goes, and the largest slip speed so far
+            "walk",
+            "top_mps",
+            # D and W where its latest slip began
+            "slip_d_m",
+            "slip_w_m",
+        )
+    ),
+])  # fmt: skip
+"""What is kept of a branch beside state and covariance."""
+
+
+class Branches(NamedTuple):
+    """All accounts; the first `now.branches` rows are in use."""
+
+    x: NDArray[np.float64]
+    """Shape (ROOM, SIZE)."""
+    p: NDArray[np.float64]
+    """Shape (ROOM, SIZE, SIZE)."""
+    about: Records
+    """Shape (ROOM,) of BRANCH."""
+
+
+NOW: Final[np.dtype[Any]] = np.dtype([
+    *(
+        (name, np.int64)
+        for name in (
+            "tick",
+            "branches",
+            # ticks for which the wheel has stood; for which it has been followed
+            "still",
+            "followed",
+            "standing",
+            # -1, 0 or +1 as published, its branch's beginning, its number, and what has been said of it
+            "slip",
+            "slip_since",
+            "slip_tick",
+            "episode",
+            "overdue",
+            # branch that is believed
+            "best",
+            # ticks for which all has been calm; for which no inertial sample was usable
+            "calm",
+            "unsettled",
+        )
+    ),
+    *(
+        (name, np.float64)
+        for name in (
+            "rest_s",
+            "since_rest_s",
+            "rested_s",
+            "roll_bias_radps",
+            "yaw_bias_radps",
+            "roll_rad",
+            "roll_settled_s",
+            # last means of ax and of the pitch rate, and their variances from one to the next
+            "ax_mps2",
+            "gy_radps",
+            "force_var",
+            "rate_var",
+            "noise_s",
+            # last ways of the rim; sums behind the jitter of their times [m²], [m²/s²]
+            "z1_m",
+            "z2_m",
+            "z3_m",
+            "rim_mps",
+            "jitter_m2",
+            "jitter_mps2",
+            # micro-slip's variance, and how well innovations agree with it
+            "creep_var",
+            "agreement",
+            "slip_share",
+            "slip_top",
+            "acceleration_mps2",
+            # distance published = scale (D - origin_d_m) + origin_m
+            "scale",
+            "scale_sigma",
+            "origin_d_m",
+            "origin_m",
+            "live_d_m",
+            "way_m",
+            "distance_m",
+            "excess_m",
+            "settled_var",
+            "before_m",
+            "gap_m",
+        )
+    ),
+])  # fmt: skip
+"""What is common to all branches."""
+
+OUT: Final[np.dtype[Any]] = np.dtype([
+    ("slip", np.int64),
+    ("standstill", np.int64),
+    ("status", np.int64),
+    ("reason", np.int64),
+    *(
+        (name, np.float64)
+        for name in (
+            "distance_m",
+            "way_m",
+            "speed_mps",
+            "speed_bound_mps",
+            "acceleration_mps2",
+            "bound_m",
+            "excess_m",
+            "provisional_m",
+            "yaw_radps",
+            "sensed_distance_m",
+            "gradient_permille",
+            "wheel_scale",
+            "gyro_bias_radps",
+            "since_rest_s",
+        )
+    ),
+])  # fmt: skip
+
+EVENT: Final[np.dtype[Any]] = np.dtype([
+    *((name, np.int64) for name in ("row", "phase", "episode", "slip")),
+    *((name, np.float64) for name in ("correction_s", "corrected_m", "bound_m")),
+])  # fmt: skip
+BEGAN: Final = 0
+ENDED: Final = 1
+NOT_FOUND: Final = 2
+PHASES: Final = ("began", "ended", "not_found")
+
+FINE: Final = 0
+IN_SLIP: Final = 1
+OVERDUE: Final = 2
+NO_IMU: Final = 3
+NO_PULSES: Final = 4
+NO_SENSOR: Final = 5
+BEYOND: Final = 6
+REASONS: Final = (
+    "",
+    "wheels slip: distance by the inertial sensor",
+    "re-adhesion is not found in time",
+    "no inertial sensor: slips are not seen",
+    "no pulses: distance by the inertial sensor",
+    "neither pulses nor inertial sensor",
+    "the error may exceed 5 m + 5 % of the way",
+)
+
+RULES: Final[np.dtype[Any]] = np.dtype(
+    [
+        (name, np.float64)
+        for name in ("pulse_m", "latency_s", "share", "longest_slip_s", "start_bound_m", "steepest_rad")
+    ]
+)
+"""Settings and vehicle, see `fused_settings`."""

@@ -1,0 +1,201 @@
+"""What the fused mode publishes of a tick: row, bound, status, and where slips begin and end."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from services.numerics.kernel import kernel
+from services.odometry_fusion.fused_bound import (
+    UNSEEN_M,
+    UNSEEN_SHARE,
+    allowed,
+    lost_way,
+    provisional,
+    settle,
+)
+from services.odometry_fusion.fused_branch import acceleration
+from services.odometry_fusion.fused_layout import (
+    BEGAN,
+    BEYOND,
+    ENDED,
+    FINE,
+    IN_SLIP,
+    NO_IMU,
+    NO_PULSES,
+    NO_SENSOR,
+    NOT_FOUND,
+    OVERDUE,
+    SLIPPING,
+    TH,
+    B,
+    Branches,
+    D,
+    Record,
+    U,
+    V,
+)
+from services.odometry_fusion.motion_log import DEGRADED, LOST, PERIOD_S, VALID
+from services.odometry_fusion.tick_layout import Records
+
+SLIP_SHARE: Final = 0.9
+"""A slip is published when it is so probable, and has come to"""
+SLIP_MPS: Final = 0.4
+"""this slip speed (and twice the micro-slip) or"""
+SLIP_M: Final = 0.9
+"""this much way: micro-slips are followed, but not called slips."""
+ADHERES_SHARE: Final = 0.3
+"""Re-adhesion is published when a slip is less probable."""
+CALM_SHARE: Final = 0.05
+SMOOTHING: Final = 0.3
+"""Share of the newest in the acceleration that is held over the latency."""
+LONGEST_HELD_S: Final = 0.5
+"""A longer latency is bridged by the wheel while it adheres."""
+PLAIN_M: Final = 0.05
+"""Pulses in a speed: its bound's least part [m/s]."""
+
+
+@kernel
+def publish(
+    tick: Record,
+    row: int,
+    rule: Record,
+    now: Record,
+    branches: Branches,
+    stands: bool,  # noqa: FBT001 - a kernel takes its arguments by place
+    blind: bool,  # noqa: FBT001 - the same
+    silent: bool,  # noqa: FBT001 - the same
+    out: Record,
+    events: Records,
+    count: int,
+) -> int:
+    """Fill a row; gives the number of events, those of this row included."""
+    if now.branches == 0:
+        now.distance_m = tick.way_m
+        now.way_m = abs(tick.way_m)
+        out.speed_mps, out.sensed_distance_m = tick.wheel_speed_mps, tick.aligned_m
+        out.speed_bound_mps = abs(tick.wheel_speed_mps) + 1.0
+        _bound(rule, now, 0.0, FINE, VALID, out)
+        return count
+    _calm(now, blind, silent)
+    settle(branches, now)
+    count = _episodes(row, rule, now, branches, events, count)
+    _motion(tick, rule, now, branches, stands, silent, out)
+    if blind and not stands:
+        more_m = min(UNSEEN_SHARE * abs(out.speed_mps) * PERIOD_S, UNSEEN_M - now.gap_m)
+        now.gap_m += more_m
+        now.excess_m += more_m
+    elif not blind:
+        now.gap_m = 0.0
+    reason, status = FINE, VALID
+    if now.slip != 0:
+        reason = IN_SLIP
+        if now.overdue:
+            reason, status = OVERDUE, DEGRADED
+    if blind or silent:
+        reason = NO_SENSOR if blind and silent else NO_IMU if blind else NO_PULSES
+        status = LOST if blind and silent else DEGRADED
+    _bound(rule, now, now.scale * provisional(branches, now, PERIOD_S), reason, status, out)
+    return count
+
+
+@kernel
+def _calm(now: Record, blind: bool, silent: bool) -> None:  # noqa: FBT001 - a kernel takes its arguments by place
+    """Count the ticks for which nothing has been in doubt."""
+    if now.slip != 0 or blind or silent:
+        now.calm, now.unsettled = 0, 1
+    elif now.slip_share > CALM_SHARE:
+        now.calm = 0
+    else:
+        now.calm += 1
+
+
+@kernel
+def _episodes(row: int, rule: Record, now: Record, branches: Branches, events: Records, count: int) -> int:
+    """Whether the wheels slip, as published; gives the number of events."""
+    x, own = branches.x[now.best], branches.about[now.best]
+    if own.mode == SLIPPING:
+        if own.since != now.slip_since:
+            now.slip_since, now.slip_top = own.since, 0.0
+        slip_mps = SLIP_MPS + 2.0 * np.sqrt(now.creep_var)
+        now.slip_top = max(now.slip_top, abs(x[U]) / slip_mps, abs(lost_way(branches, now)) / SLIP_M)
+    if now.slip == 0:
+        if own.mode == SLIPPING and now.slip_share > SLIP_SHARE and now.slip_top > 1.0:
+            now.slip = 1 if x[U] > 0.0 else -1
+            now.slip_tick, now.overdue = own.since, 0
+            now.episode += 1
+            count = _note(row, BEGAN, now, branches, events, count)
+    elif now.slip_share < ADHERES_SHARE:
+        count = _note(row, ENDED, now, branches, events, count)
+        now.slip, now.overdue = 0, 0
+    elif not now.overdue and (now.tick - now.slip_tick) * PERIOD_S > rule.longest_slip_s:
+        now.overdue = 1
+        count = _note(row, NOT_FOUND, now, branches, events, count)
+    return count
+
+
+@kernel
+def _note(row: int, phase: int, now: Record, branches: Branches, events: Records, count: int) -> int:
+    """One event more, where there is room for it."""
+    if count < len(events):
+        event = events[count]
+        event.row, event.phase, event.episode, event.slip = row, phase, now.episode - 1, now.slip
+        event.correction_s = (now.tick - now.slip_tick) * PERIOD_S
+        event.corrected_m = lost_way(branches, now) * now.scale
+        event.bound_m = provisional(branches, now, PERIOD_S) * now.scale
+    return min(count + 1, len(events))
+
+
+@kernel
+def _motion(
+    tick: Record,
+    rule: Record,
+    now: Record,
+    branches: Branches,
+    stands: bool,  # noqa: FBT001 - a kernel takes its arguments by place
+    silent: bool,  # noqa: FBT001 - the same
+    out: Record,
+) -> None:
+    """Distance and speed brought from the instant that the inertial sample shows to now."""
+    x, p = branches.x[now.best], branches.p[now.best]
+    if tick.imu_missing_s <= LONGEST_HELD_S:
+        now.acceleration_mps2 += SMOOTHING * (acceleration(x, tick) - now.acceleration_mps2)
+    else:
+        now.acceleration_mps2 = 0.0
+    held_s = rule.latency_s
+    d_m = x[D] + x[V] * held_s + 0.5 * now.acceleration_mps2 * held_s * held_s
+    speed_mps = x[V] + now.acceleration_mps2 * held_s
+    if held_s > LONGEST_HELD_S and now.slip == 0 and not silent:
+        d_m, speed_mps = x[D] + tick.way_m - tick.aligned_m, tick.wheel_speed_mps
+    if stands and now.slip == 0:
+        d_m, speed_mps = x[D], 0.0
+    now.live_d_m = d_m
+    now.distance_m = now.scale * (d_m - now.origin_d_m) + now.origin_m
+    now.way_m += now.scale * abs(speed_mps) * PERIOD_S
+    if stands and now.slip == 0:
+        now.since_rest_s = 0.0
+    out.speed_mps = now.scale * speed_mps
+    out.speed_bound_mps = PLAIN_M + rule.share * abs(out.speed_mps) + 3.0 * np.sqrt(max(p[V, V], 0.0))
+    out.acceleration_mps2 = now.scale * now.acceleration_mps2
+    out.slip, out.standstill = now.slip, 1 if stands and now.slip == 0 else 0
+    out.yaw_radps = tick.gz_radps - now.yaw_bias_radps
+    out.sensed_distance_m = now.scale * (x[D] - now.origin_d_m) + now.origin_m
+    out.gradient_permille = 1000.0 * np.tan(min(max(x[TH], -0.3), 0.3))
+    out.gyro_bias_radps = x[B]
+    out.since_rest_s = now.since_rest_s
+
+
+@kernel
+def _bound(rule: Record, now: Record, provisional_m: float, reason: int, status: int, out: Record) -> None:
+    """Bound, never above what ETCS allows; beyond it the position is lost."""
+    most_m = allowed(now.way_m, now.distance_m)
+    bound_m = rule.start_bound_m + rule.share * now.way_m + now.excess_m + provisional_m
+    bound_m = min(bound_m, most_m)
+    # An honest bound beyond what is allowed for the slip or gap at hand alone makes the position lost.
+    if provisional_m > most_m and status != VALID:
+        reason, status = BEYOND, LOST
+    out.distance_m, out.way_m = now.distance_m, now.way_m
+    out.bound_m, out.excess_m, out.provisional_m = bound_m, now.excess_m, provisional_m
+    out.wheel_scale = now.scale if now.scale_sigma > 0.0 else np.nan
+    out.reason, out.status = reason, status

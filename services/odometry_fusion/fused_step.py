@@ -1,0 +1,212 @@
+"""One tick of the fused mode after the other."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from services.numerics.kernel import kernel
+from services.odometry_fusion.fused_branch import (
+    ACCELERATION,
+    CREEP,
+    FIRST_SIGMAS,
+    FORCE,
+    RATE,
+    WALK,
+    begin_state,
+    correct,
+    predict,
+)
+from services.odometry_fusion.fused_hypotheses import TRY_TICKS, branch_out, prune, slip_share
+from services.odometry_fusion.fused_layout import (
+    ADHERING,
+    GRAVITY_MPS2,
+    SLIPPING,
+    TH,
+    B,
+    Branches,
+    D,
+    M,
+    Record,
+    U,
+    V,
+    W,
+)
+from services.odometry_fusion.fused_output import publish
+from services.odometry_fusion.inertial_window import sense
+from services.odometry_fusion.motion_log import PERIOD_S, Floats
+from services.odometry_fusion.standstill import watch_standstill
+from services.odometry_fusion.tick_layout import Records
+from services.odometry_fusion.wheel_measure import rim_variance
+
+LONGEST_HOLD_S: Final = 0.5
+"""An inertial mean, or a count, is bridged for so long."""
+MISSED_TEETH: Final = 3.0
+"""So many should have come for a silent counter to be a missing one; less, and the wheel stands or creeps."""
+LONGEST_STILL_S: Final = 120.0
+"""A silent counter is taken for a standing wheel for at most so long."""
+LEAST_FORCE_MPS2: Final = 0.02
+LEAST_RATE_RADPS: Final = 1e-4
+"""Standard deviations of a mean over a tick below which no sensor is believed."""
+BLIND_ACCELERATION: Final = 0.25
+"""Intensity [m²/s³] of an acceleration that is not measured: 0.5 m/s per √s."""
+BLIND_RATE_VAR: Final = 9e-6 / PERIOD_S
+"""Of a pitch that is not followed: gradients change by 3 per mille per √s."""
+LEAST_CREEP: Final = 0.025
+MOST_CREEP: Final = 0.3
+"""Micro-slip's standard deviation [m/s]."""
+FIRST_CREEP: Final = 0.04
+AGREEMENT_SHARE: Final = 0.01
+AGREEMENT: Final = 1.05
+CREEP_GAIN: Final = 0.02
+"""Micro-slip's variance follows the innovations: it grows while their squares exceed AGREEMENT times what the filter
+expects, and falls while they stay below."""
+AGREEING_TICKS: Final = 20
+MOVING_MPS: Final = 3.0
+LEAST_WALK: Final = 0.05
+PLAIN_WALK: Final = 0.25
+"""Least random walk of the slip speed, m/s per √s: while a slip is only suspected, and once it has shown. A slip
+speed that then keeps still speaks for adhesion."""
+MOST_WALK: Final = 4.0
+WALK_SHARE: Final = 0.2
+PLAIN_SLIP_MPS: Final = 0.25
+"""A slip has shown above this slip speed and twice the micro-slip."""
+STILL_MPS: Final = 0.5
+MOST_STILL_MPS: Final = 2.0
+"""A standing wheel stands for a standing train if the account's speed is below these (and three sigma)."""
+REST_SPEED_SIGMA_MPS: Final = 0.05
+REST_RATE_SIGMA_RADPS: Final = 1e-3
+
+
+@kernel
+def begin_now(now: Record) -> None:
+    """What is known at the first count."""
+    now.scale = 1.0
+    now.force_var, now.rate_var = 0.1**2, 1e-3**2
+    now.creep_var = FIRST_CREEP**2
+    now.agreement = 1.0
+    now.jitter_mps2 = 1.0
+    now.best = 0
+
+
+@kernel
+def begin_branches(branches: Branches, now: Record, way_m: float) -> None:
+    """One account, adhering, of which nothing is known but where the wheel is."""
+    begin_state(branches.x[0], branches.p[0])
+    branches.x[0, D] = branches.x[0, W] = way_m
+    own = branches.about[0]
+    own.mode, own.since, own.slip_since = ADHERING, now.tick, now.tick
+    own.log_weight, own.walk, own.top_mps, own.free = 0.0, 0.0, 0.0, 0
+    own.slip_d_m = own.slip_w_m = way_m
+    now.branches, now.best, now.settled_var = 1, 0, FIRST_SIGMAS[D] ** 2
+
+
+@kernel
+def run_ticks(ticks: Records, rules: Records, state: Records, branches: Branches, out: Records, events: Records) -> int:
+    """Rows for ticks; gives the number of events."""
+    count = 0
+    for row in range(len(ticks)):
+        count = _step(ticks[row], row, rules[0], state[0], branches, out[row], events, count)
+    return count
+
+
+@kernel
+def _step(
+    tick: Record,
+    row: int,
+    rule: Record,
+    now: Record,
+    branches: Branches,
+    out: Record,
+    events: Records,
+    count: int,
+) -> int:
+    blind = tick.imu_missing_s > LONGEST_HOLD_S
+    silent_s = tick.tacho_missing_s
+    missed = abs(tick.wheel_speed_mps) * silent_s > MISSED_TEETH * rule.pulse_m or silent_s > LONGEST_STILL_S
+    silent = silent_s > LONGEST_HOLD_S and missed
+    now.excess_m += tick.doubt_m
+    stands = False
+    if now.tick * PERIOD_S >= rule.latency_s - 1e-9:
+        if now.branches == 0 or not np.isfinite(branches.x[now.best].sum() + branches.p[now.best].sum()):
+            begin_branches(branches, now, tick.aligned_m)
+        if blind:
+            now.roll_settled_s, now.noise_s = 0.0, 0.0
+        else:
+            sense(tick, now, branches.x[now.best, V], PERIOD_S)
+        stands = _follow(tick, rule, now, branches, blind, silent)
+        if now.tick % TRY_TICKS == 0:
+            branch_out(branches, now, not stands and not blind and not silent, PERIOD_S)
+            prune(branches, now)
+        now.slip_share = slip_share(branches, now)
+    count = publish(tick, row, rule, now, branches, stands, blind, silent, out, events, count)
+    now.tick += 1
+    return count
+
+
+@kernel
+def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: bool, silent: bool) -> bool:  # noqa: FBT001 - a kernel takes its arguments by place
+    """Predict all accounts and show them what the wheel says; gives whether it stands."""
+    z_m = tick.aligned_m
+    variance = 0.0
+    if silent:
+        now.followed, now.still = 0, 0
+    else:
+        moved = abs(tick.way_m - now.before_m) > 0.5 * rule.pulse_m
+        variance = rim_variance(z_m, rule.pulse_m, now, PERIOD_S)
+        stands = watch_standstill(tick, moved, now, PERIOD_S) and not blind
+    now.before_m = tick.way_m
+    stands = not silent and stands
+    noise = np.empty(5)
+    noise[FORCE] = 0.0 if blind else max(now.force_var, LEAST_FORCE_MPS2**2)
+    noise[RATE] = BLIND_RATE_VAR if blind else max(now.rate_var, LEAST_RATE_RADPS**2)
+    noise[CREEP] = now.creep_var
+    noise[ACCELERATION] = BLIND_ACCELERATION if blind else 0.0
+    seen = tick
+    for i in range(now.branches):
+        x, p, own = branches.x[i], branches.p[i], branches.about[i]
+        noise[WALK] = own.walk
+        if blind:
+            seen.ax_mps2 = GRAVITY_MPS2 * np.sin(x[TH]) + x[M] * seen.ay_mps2
+        predict(x, p, own.mode, PERIOD_S, seen, now, noise)
+        if silent:
+            continue
+        residual_m = z_m - x[W]
+        if own.mode == SLIPPING:
+            _watch_walk(x, own, residual_m, variance, now)
+        elif i == now.best and not blind:
+            _watch_creep(p, own, residual_m, variance, now)
+        own.log_weight += correct(x, p, W, residual_m, variance)
+        if stands and abs(x[V]) < min(STILL_MPS + 3.0 * np.sqrt(p[V, V]), MOST_STILL_MPS):
+            _rest(x, p, tick, now)
+    return stands
+
+
+@kernel
+def _watch_walk(x: Floats, own: Record, residual_m: float, variance: float, now: Record) -> None:
+    """The slip speed's random walk follows what it has just done (as in GARCH models)."""
+    shown = max(residual_m * residual_m - 4.0 * variance, 0.0) / PERIOD_S**3
+    suspected = own.top_mps < PLAIN_SLIP_MPS + 2.0 * np.sqrt(now.creep_var)
+    least = (LEAST_WALK if suspected else PLAIN_WALK) ** 2 + 2.0 * now.creep_var
+    own.walk = max(least, own.walk + WALK_SHARE * (min(shown, MOST_WALK**2) - own.walk))
+    own.top_mps = max(own.top_mps, abs(x[U]))
+
+
+@kernel
+def _watch_creep(p: Floats, own: Record, residual_m: float, variance: float, now: Record) -> None:
+    """Micro-slip's variance follows the innovations of the believed account while it adheres."""
+    if now.slip != 0 or now.tick - own.since <= AGREEING_TICKS or abs(now.rim_mps) < MOVING_MPS:
+        return
+    score = min(residual_m * residual_m / (p[W, W] + variance), 9.0)
+    now.agreement += AGREEMENT_SHARE * (score - now.agreement)
+    grown = now.creep_var * np.exp(CREEP_GAIN * (now.agreement - AGREEMENT))
+    now.creep_var = min(MOST_CREEP**2, max(LEAST_CREEP**2, grown))
+
+
+@kernel
+def _rest(x: Floats, p: Floats, tick: Record, now: Record) -> None:
+    """Speed and pitch rate are nought at rest: speed, bias and attitude are reset."""
+    correct(x, p, V, -x[V], REST_SPEED_SIGMA_MPS**2)
+    lacking = tick.gy_radps - (tick.gz_radps - now.yaw_bias_radps) * now.roll_rad
+    correct(x, p, B, lacking - x[B], 4.0 * max(now.rate_var, 0.25 * REST_RATE_SIGMA_RADPS**2))
