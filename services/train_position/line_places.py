@@ -9,7 +9,7 @@ import numpy as np
 
 from schemas.line import Balise, Line
 from services.line.alignment import Alignment, alignment_of, routes
-from services.line.projection import candidates
+from services.line.projection import candidates, follow
 
 FARTHEST_M: Final = 200.0
 """A fix further beside a route does not belong to it."""
@@ -61,6 +61,20 @@ class LinePlaces:
         axis = self.routes[route].axis
         (place,) = axis.to_plane([lat_deg], [lon_deg], [h_m])
         return tuple(Foot(one.axis_m, one.aside_m) for one in candidates(axis, place, FARTHEST_M))
+
+    def foot_near(
+        self, route: str, lat_deg: float, lon_deg: float, h_m: float, middle_m: float, reach_m: float
+    ) -> Foot | None:
+        """Where a place falls on a route within `reach_m` of another; None when it is far aside there."""
+        axis = self.routes[route].axis
+        places = axis.to_plane([lat_deg], [lon_deg], [h_m])
+        ((axis_m, aside_m),) = follow(axis, places, np.array([reach_m]), middle_m).tolist()
+        return Foot(axis_m, aside_m) if abs(aside_m) <= FARTHEST_M else None
+
+    def warm_up(self) -> None:
+        """Compile the kernels, or load them from their cache."""
+        lat_deg, lon_deg, h_m = (float(one) for one in self.routes[""].position(0.0))
+        self.foot_near("", lat_deg, lon_deg, h_m, 0.0, FARTHEST_M)
 
     def has_parallel(self, least_m: float, greatest_m: float) -> bool:
         """Whether another track lies beside some of a stretch of the main line."""

@@ -175,7 +175,8 @@ class OdometrySteps:
         places = held.places()
         known_ns = max(self._heard_ns or 0, held.satellites_ns or 0)
         too_long = known_ns > 0 and t_ns - known_ns > held.config.longest_gap_s * 1e9
-        if places is not None and (too_long or places.width_m > held.config.most_known_m):
+        too_wide = places is not None and places.width_m > held.config.most_known_m and not held.belief.contradicted
+        if places is not None and (too_long or too_wide):
             held.lose("no odometry, and nothing else tells the place")
         return []
 
@@ -240,7 +241,8 @@ class OdometrySteps:
         places = held.places()
         if places is None or held.estimate is None:
             return
-        if places.width_m > held.config.most_known_m:
+        # While sources contradict each other what each of them says is kept, however far apart.
+        if places.width_m > held.config.most_known_m and not held.belief.contradicted:
             held.lose(f"the front end may be anywhere within {places.width_m:.0f} m")
             return
         scale = held.scale_now()

@@ -14,7 +14,7 @@ from schemas.gnss import Fix, FrontEnd
 from services.train_position.branches import MAIN
 from services.train_position.claims import Claim, Interval
 from services.train_position.held import Held
-from services.train_position.line_places import LinePlaces
+from services.train_position.line_places import Foot, LinePlaces
 from services.train_position.reach import Instant, Sense
 
 BOUND_SIGMAS: Final = 4.2
@@ -24,6 +24,8 @@ CORRELATED_S: Final = 5.0
 """Errors of satellites last about so long: claims closer together count for less in the estimate."""
 LARGEST_BOUND_M: Final = 2000.0
 """A wider claim says nothing."""
+FAR_M: Final = 2000.0
+"""A fix is looked for on the line this far beyond where the train may be first, then everywhere."""
 ASIDE_FIXES: Final = 3
 """A route is excluded once so many fixes in a row are aside from it."""
 
@@ -109,24 +111,33 @@ class Satellites:
         aside: list[str] = []
         routes = held.branches.possible if places is None else held.branches.candidates(held.span(places))
         for route in sorted(routes):
-            feet = [one for one in line.feet(route, lat_deg, lon_deg, h_m) if abs(one.aside_m) <= allowed_m]
-            if not feet:
+            chosen = self._near(line, route, (lat_deg, lon_deg, h_m), places, allowed_m)
+            if not chosen:
                 aside.append(route)
                 continue
-            if places is None:
-                chosen = feet
-            else:
-                middle_m = (places.least_m + places.greatest_m) / 2.0
-                chosen = [min(feet, key=lambda one: abs(one.axis_m - middle_m))]
             for one in chosen:
                 here = Interval(one.axis_m, one.axis_m)
                 hull = here if hull is None else hull.hull(here)
         if hull is None:
             return "the fix is aside from every route of the line"
-        if len(hull) and hull.width_m > LARGEST_BOUND_M:
+        if hull.width_m > LARGEST_BOUND_M:
             return "the fix may belong to places of the line far from each other"
         self._exclude(held, aside)
         return hull
+
+    def _near(
+        self, line: LinePlaces, route: str, place: tuple[float, float, float], places: Interval | None, allowed_m: float
+    ) -> list[Foot]:
+        """Feet of a fix on a route: the one next to where the train may be, else all; none when it is aside."""
+        if places is not None:
+            middle_m, reach_m = (places.least_m + places.greatest_m) / 2.0, places.width_m / 2.0 + FAR_M
+            near = line.foot_near(route, *place, middle_m, reach_m)
+            if near is not None and abs(near.aside_m) <= allowed_m:
+                return [near]
+        feet = [one for one in line.feet(route, *place) if abs(one.aside_m) <= allowed_m]
+        if places is None or not feet:
+            return feet
+        return [min(feet, key=lambda one: abs(one.axis_m - middle_m))]
 
     def _exclude(self, held: Held, aside: list[str]) -> None:
         for route in list(self._aside):

@@ -84,7 +84,7 @@ async def run(node: Node, config: Config) -> None:
     fixing = node.arrivals(GNSS_FRONT_END, GNSS_FIX, BALISE, TRAIN_CHANGE)
     line: LinePlaces | None = None
     if config.line_file:
-        line = await node.in_thread(lambda: LinePlaces(load_line(Path(config.line_file)).line))
+        line = await node.in_thread(lambda: _load(Path(config.line_file)))
     path = _state_path(node, config)
     kept = None if path is None else await node.in_thread(lambda: _read(node, path))
     keeper = PositionKeeper(config, line, kept)
@@ -100,6 +100,12 @@ async def run(node: Node, config: Config) -> None:
             task.cancel()
     if path is not None:
         await _write(node, keeper, path)
+
+
+def _load(path: Path) -> LinePlaces:
+    line = LinePlaces(load_line(path).line)
+    line.warm_up()
+    return line
 
 
 async def _hear(arrivals: AsyncIterator[Arrival[Any]], keeper: PositionKeeper, speaker: _Speaker) -> None:

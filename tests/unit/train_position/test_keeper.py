@@ -133,6 +133,19 @@ def test_direction_by_the_satellites_speed() -> None:
     run.require_true()
 
 
+def test_a_fix_far_along_the_line_contradicts() -> None:
+    run = run_with(Config(antennas={"front": AntennaPlace()}, clock_bound_s=0.0, holdover=0.0))
+    run.go(10.0, 1.0)
+    run.hear(run.front_end(0.0, 5.0))
+    run.go(5.0)
+    run.axis_m += 9_000.0
+    run.hear(fix_of(run, 0.0), "front")
+    run.axis_m -= 9_000.0
+    run.go(0.1)
+    assert run.status() == "degraded"
+    run.require_true()
+
+
 def fix_of(run: Run, behind_m: float, north_deg: float = 0.0, **changes: object) -> Fix:
     fields: dict[str, object] = {
         "t_ns": run.t_ns,
