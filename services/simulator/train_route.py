@@ -38,6 +38,11 @@ class TrainRoute:
         """`axis_m` of a way along the track of a trip."""
         return way_m if self.rises(trip) else self.track.length_m - way_m
 
+    def places_of(self, way_m: Floats, trip: NDArray[np.int64]) -> Floats:
+        """The same for columns of ways and trips, as a motion log has them."""
+        rises = (trip % 2 == 0) == (self.direction == "up")
+        return np.asarray(np.where(rises, way_m, self.track.length_m - way_m))
+
     def way_of(self, axis_m: float) -> float:
         """Way along the first trip's track."""
         return axis_m if self.direction == "up" else self.track.length_m - axis_m
