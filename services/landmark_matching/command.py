@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -41,6 +41,7 @@ StartBound = Annotated[float, typer.Option("--start-bound", min=0.0, help="Error
 BehindFront = Annotated[
     float, typer.Option("--sensor-behind-front", help="Metres by which the inertial sensor is behind the front end.")
 ]
+Method = Annotated[str, typer.Option("--method", help="Odometry: paper or fused (the wheel alone has no curvature).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -122,6 +123,16 @@ def _known(line: Path, landmarks: Path | None, starts: list[Start | None]) -> Li
     return known
 
 
+def _method(name: str) -> Literal["paper", "fused"]:
+    """Raises UsageError."""
+    if name == "paper":
+        return "paper"
+    if name == "fused":
+        return "fused"
+    msg = f"--method: {name!r} is neither paper nor fused"
+    raise UsageError(msg)
+
+
 def _report_issues(name: str, issues: tuple[str, ...]) -> None:
     if issues:
         typer.echo(f"{name}: {len(issues)} things in the log were left out, the first: {issues[0]}", err=True)
@@ -146,6 +157,7 @@ def match(
     branch: Annotated[str | None, typer.Option("--branch", help="Branch on which the log begins.")] = None,
     start_bound: StartBound = 20.0,
     sensor_behind_front: BehindFront = 0.0,
+    method: Method = "paper",
     as_json: AsJson = False,
 ) -> None:
     """Recognise the landmarks that a run passes, and say where the train therefore is.
@@ -169,7 +181,7 @@ def match(
             sensor_behind_front,
         )
         known = _known(line, landmarks, starts)
-        run = read_run(log)
+        run = read_run(log, _method(method))
         _report_issues(run.name, run.issues)
         found = match_run(run.readings, known, start, MatchSettings(), run.share)
         write_matches(out, found.matches, sensor_behind_front)
@@ -223,6 +235,7 @@ def survey(
     branch: StartBranch = None,
     start_bound: StartBound = 20.0,
     sensor_behind_front: BehindFront = 0.0,
+    method: Method = "paper",
     as_json: AsJson = False,
 ) -> None:
     """Build the landmark database of a line from runs in any direction and at any speed.
@@ -239,7 +252,7 @@ def survey(
         known = _known(line, None, starts)
         surveyed = []
         for log, start in zip(logs, starts, strict=True):
-            run = read_run(log)
+            run = read_run(log, _method(method))
             _report_issues(run.name, run.issues)
             surveyed += survey_run(run.name, match_run(run.readings, known, start, SURVEY, run.share))
         found = merge(surveyed)

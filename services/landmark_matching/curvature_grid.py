@@ -4,6 +4,9 @@ Prediction shifts every route's probability by the way gone and spreads it by wh
 correction weighs it with the curvature that an average over the window would read there. Neighbouring
 averages share their samples, so each counts only with the share of its window that is new. The cost of a
 difference saturates: one false reading rules nothing out for good.
+
+A train may also run where no route is: that hypothesis explains straights as well as any route does, and pays
+for every curve what a curve that fits by chance is worth (hand, radius, length and spacing, some seven nats).
 """
 
 from __future__ import annotations
@@ -29,6 +32,12 @@ LARGEST_COST: Final = 8.0
 SPREAD_M2_PER_M: Final = 0.04
 """Growth of variance with way gone: 2 m over 100 m, a wheel 2 % off."""
 FLOOR: Final = 1e-12
+ELSEWHERE_STRAIGHT: Final = 0.05
+"""Cost per window of running elsewhere, on straights …"""
+ELSEWHERE_CURVE: Final = 1.0
+"""… and in curves: some seven windows make one."""
+CURVE_PER_M: Final = 4e-4
+"""Curvature from which on a curve begins."""
 
 
 @kernel
@@ -86,13 +95,14 @@ def _weigh(
 class CurvatureGrid:
     """Probability over the places of several routes, jointly normalised."""
 
-    def __init__(self, routes: Sequence[Route]) -> None:
-        """Every place as likely as any other."""
+    def __init__(self, routes: Sequence[Route], elsewhere: float = 0.0) -> None:
+        """Every place as likely as any other, and a probability that the train is on none of them."""
+        self.elsewhere = elsewhere
         self.routes = tuple(routes)
         lengths = [len(route.heading_rad) for route in self.routes]
         self._starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
         self._heading = np.concatenate([route.heading_rad for route in self.routes])
-        self._chance = np.full(len(self._heading), 1.0 / len(self._heading))
+        self._chance = np.full(len(self._heading), (1.0 - elsewhere) / len(self._heading))
 
     def expect(self, windows_u_m: Sequence[tuple[float, float] | None]) -> None:
         """Begin anew with a place between the ends given for each route; None rules a route out."""
@@ -130,12 +140,15 @@ class CurvatureGrid:
             LARGEST_COST,
             weight,
         )
+        cost = ELSEWHERE_CURVE if abs(curvature_per_m) > CURVE_PER_M else ELSEWHERE_STRAIGHT
+        self.elsewhere *= float(np.exp(-weight * cost))
         self._normalise()
 
     def _normalise(self) -> None:
-        total = float(self._chance.sum())
+        total = float(self._chance.sum()) + self.elsewhere
         if total > 0.0:
             self._chance /= total
+            self.elsewhere = max(self.elsewhere / total, FLOOR) if self.elsewhere > 0.0 else 0.0
         self._chance[(self._chance < FLOOR) & (self._chance > 0.0)] = FLOOR
 
     @property
@@ -144,7 +157,7 @@ class CurvatureGrid:
         return not float(self._chance.sum()) > 0.0
 
     def route_chances(self) -> list[float]:
-        """Probability of each route."""
+        """Probability of each route; they sum to 1 less `elsewhere`."""
         return [float(self._chance[a:b].sum()) for a, b in zip(self._starts, self._starts[1:], strict=False)]
 
     def best(self) -> tuple[int, float]:

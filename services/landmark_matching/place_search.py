@@ -15,6 +15,10 @@ from services.landmark_matching.reading import Sample
 NEAR_M: Final = 60.0
 """Places within this distance of the best count as the same."""
 CERTAIN: Final = 0.999
+ELSEWHERE: Final = 0.5
+"""Probability, before anything is measured, that the run is on another line."""
+STEP_M: Final = 20.0
+"""Way between two corrections: every place of a whole line is weighed each time."""
 LEAST_WAY_M: Final = 500.0
 """Shorter runs are not placed, however well a curve fits."""
 
@@ -37,7 +41,7 @@ def find_place(routes: Sequence[Route], samples: Iterable[Sample]) -> Found:
 
     Raises ValueError without a single sample.
     """
-    walk = ProfileWalk(CurvatureGrid(routes))
+    walk = ProfileWalk(CurvatureGrid(routes, elsewhere=ELSEWHERE), STEP_M)
     newest = None
     for sample in samples:
         newest = sample

@@ -15,11 +15,12 @@ STEP_M: Final = 10.0
 
 
 class ProfileWalk:
-    """Moves and weighs a grid every STEP_M."""
+    """Moves and weighs a grid step by step along the way."""
 
-    def __init__(self, grid: CurvatureGrid) -> None:
-        """Begin with the grid as it is."""
+    def __init__(self, grid: CurvatureGrid, step_m: float = STEP_M) -> None:
+        """Begin with the grid as it is; it is moved and weighed every `step_m`."""
         self.grid = grid
+        self._step_m = step_m
         self._last: Sample | None = None
         self.way_m = 0.0
         """Gone since the begin."""
@@ -30,7 +31,7 @@ class ProfileWalk:
             self._last = sample
             return False
         way_m = sample.distance_m - self._last.distance_m
-        if abs(way_m) < STEP_M:
+        if abs(way_m) < self._step_m:
             return False
         self.grid.move(way_m, sample.excess_m - self._last.excess_m)
         if not math.isnan(sample.curvature_per_m) and sample.window_m > 0.0:
