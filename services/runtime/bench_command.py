@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-AREAS = ("bus", "gnss", "replay", "start")
+AREAS = ("bus", "gnss", "landmarks", "replay", "start")
 
 
 def bench(
