@@ -26,7 +26,7 @@ from services.odometry_fusion.settings import Config
 NS: Final = 1e9
 MOST_AXLES: Final = 8
 START_WAIT_S: Final = 2.0
-"""Odometry begins with the axles heard within this time of the first."""
+"""Odometry begins with the axles heard within this time of the first sample, or when all configured ones are."""
 LONGEST_STEP_S: Final = 30.0
 """Rows are made up for at most this long a silence at once."""
 
@@ -60,6 +60,7 @@ class LiveOdometry:
         self._imu_device = self._config.imu
         self._axles: dict[str, _Axle] = {}
         self._base_ns: int | None = None
+        self._first_ns: int | None = None
         self._choice = AxleChoice()
         self._running: list[_Axle] = []
         self._due_ns = 0
@@ -114,14 +115,19 @@ class LiveOdometry:
 
     def _due(self) -> list[Odometry | SlipEpisode]:
         """Rows whose samples are there, or have been waited for."""
-        lasts = [axle.buffer.last_ns for axle in self._axles.values()] + [self._imu.last_ns]
+        lasts = [axle.buffer.last_ns for axle in (self._running or self._axles.values())]
         heard = [one for one in lasts if one is not None]
-        if not any(axle.buffer.last_ns is not None for axle in self._axles.values()):
+        if not heard:
             return []
+        if self._config.method != "wheel":
+            lasts.append(self._imu.last_ns)
+            heard += [one for one in (self._imu.last_ns,) if one is not None]
         newest_ns = max(heard)
-        complete = len(heard) == len(lasts) and len(self._axles) >= max(1, len(self._config.axles))
         if not self._running:
-            if not complete and newest_ns - min(heard) < START_WAIT_S * NS:
+            self._first_ns = min(heard) if self._first_ns is None else self._first_ns
+            wanted = self._config.axles
+            complete = len(heard) == len(lasts) and bool(wanted) and len(self._axles) == len(wanted)
+            if not complete and newest_ns - self._first_ns < START_WAIT_S * NS:
                 return []
             self._start()
         waited_ns = newest_ns - round(self._config.longest_wait_s * NS)

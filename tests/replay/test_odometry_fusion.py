@@ -1,0 +1,137 @@
+"""The odometry service on a bus in memory: the same rows as a file run gives, through late and repeated blocks."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock
+from schemas.topic import Place
+from schemas.topics import IMU, ODOMETRY, SLIP_EPISODE, TACHO
+from services.odometry_fusion.methods import run_log
+from services.odometry_fusion.row_messages import episode_of, odometry_of
+from services.odometry_fusion.service import SERVICE
+from services.odometry_fusion.settings import Config
+from services.runtime.clock import ManualClock
+from services.runtime.manual_loop import run_manual
+from services.runtime.memory_node import MemoryBus, MemoryNode
+from services.runtime.node import Node, Service
+from tests.unit.odometry_fusion.test_paper_runs import CONFIG, run_of
+from tests.unit.odometry_fusion.test_shell_live import START_NS, blocks_of
+
+TRAIN = Place("demo", "train", "T1")
+
+
+class NoConfig(msgspec.Struct, frozen=True):
+    """Nothing to set."""
+
+
+async def _idle(node: Node, config: NoConfig) -> None:
+    del node, config
+
+
+WRITER = Service("writer", NoConfig, reads=(), writes=(IMU, TACHO), run=_idle, about="speaks")
+READER = Service("reader", NoConfig, reads=(ODOMETRY, SLIP_EPISODE), writes=(), run=_idle, about="hears")
+
+
+class Heard:
+    """What a run of the service gave."""
+
+    def __init__(self) -> None:
+        self.rows: list[Odometry] = []
+        self.episodes: list[SlipEpisode] = []
+        self.counts: dict[str, int] = {}
+
+
+def served(blocks: list[tuple[ImuBlock | TachoBlock, str]], config: Config, *, silence_s: float = 0.0) -> Heard:
+    """Everything that the service says to blocks, each at its time."""
+    found = Heard()
+
+    async def hear(node: MemoryNode) -> None:
+        async for message in node.messages(ODOMETRY, SLIP_EPISODE):
+            match message:
+                case Odometry():
+                    found.rows.append(message)
+                case SlipEpisode():
+                    found.episodes.append(message)
+
+    async def main() -> None:
+        clock = ManualClock(asyncio.get_running_loop(), START_NS)
+        bus = MemoryBus()
+        writer, reader, node = (MemoryNode(bus, service, TRAIN, clock) for service in (WRITER, READER, SERVICE))
+        listening = asyncio.ensure_future(hear(reader))
+        running = asyncio.ensure_future(node.run(config))
+        await node.is_ready.wait()
+        for block, device in blocks:
+            await asyncio.sleep(max(0.0, (block.t_ns - clock.now_ns()) * 1e-9))
+            if isinstance(block, ImuBlock):
+                await writer.publish(IMU, block, device=device)
+            else:
+                await writer.publish(TACHO, block, device=device)
+        await asyncio.sleep(silence_s + 0.01)
+        node.stop()
+        await running
+        found.counts = dict(node.health.counts)
+        reader.stop()
+        await listening
+
+    run_manual(main())
+    return found
+
+
+LIVE = Config(method="paper", imu_latency_s=0.3)
+
+
+def test_live_rows_are_those_of_a_file() -> None:
+    log, _, _ = run_of(slip_mps=4.0, gradient=0.01)
+    heard = served(blocks_of(log), LIVE)
+    rows = run_log(log, CONFIG)
+    base_ns = START_NS + round(log.tacho_t_s[0] * 1e9)
+    # Files count time from the log's zero, the service from the first count.
+    shift_ns = base_ns - round(rows.t_s[0] * 1e9)
+    wanted = [odometry_of(rows, at, shift_ns, "paper", "T1-1.1") for at in range(len(heard.rows))]
+    assert len(heard.rows) >= len(rows) - 1
+    assert heard.rows == wanted
+    assert heard.episodes == [episode_of(one, shift_ns, "T1-1.1") for one in rows.episodes]
+
+
+def test_late_and_repeated_blocks_change_nothing_but_the_counts() -> None:
+    log, _, _ = run_of(slip_mps=4.0)
+    blocks = blocks_of(log)[:1800]
+    rng = np.random.default_rng(3)
+    untidy = [one for block in blocks for one in ([block, block] if rng.random() < 0.2 else [block])]
+    plain, heard = served(blocks, LIVE), served(untidy, LIVE)
+    assert heard.rows == plain.rows
+    assert heard.counts["imu_late_or_repeated"] > 100
+
+
+def test_silence_goes_on_with_rows_that_say_so() -> None:
+    log, _, _ = run_of()
+    heard = served(blocks_of(log)[:600], LIVE, silence_s=5.0)
+    assert heard.rows[-1].status == "lost"
+    steps_ns = np.diff([one.t_ns for one in heard.rows])
+    assert (steps_ns == 100_000_000).all()
+    assert heard.rows[-1].t_ns - blocks_of(log)[599][0].t_ns > 3_000_000_000
+
+
+def test_state_survives_a_restart_and_names_a_new_origin(tmp_path: Path) -> None:
+    log, _, _ = run_of()
+    config = msgspec.structs.replace(LIVE, state_folder=str(tmp_path))
+    first, second = served(blocks_of(log)[:200], config), served(blocks_of(log)[300:500], config)
+    assert first.rows[-1].origin == "T1-1.1"
+    assert second.rows[0].origin == "T1-2.1"
+    learned = first.rows[-1].gyro_bias_radps
+    assert learned is not None
+    assert learned != 0.0
+    # Under way from its first sample on, the second run has nothing else to go by.
+    assert second.rows[0].gyro_bias_radps == learned
+
+
+def test_the_wheel_alone_is_served_too() -> None:
+    log, _, _ = run_of()
+    heard = served([one for one in blocks_of(log)[:1000] if isinstance(one[0], TachoBlock)], Config(method="wheel"))
+    assert len(heard.rows) > 480
+    assert {one.method for one in heard.rows} == {"wheel"}
