@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.line.axis import Axis
-from services.numerics.kernel import kernel
+from services.numerics.kernel import inner_kernel, kernel
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class Foot(NamedTuple):
     """Distance from the axis, positive to the left seen towards rising `axis_m`."""
 
 
-@kernel
+@inner_kernel
 def foot_within(
     axis_m: Floats, plane_m: Floats, east_m: float, north_m: float, first: int, last: int
 ) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from services.line.alignment import Alignment
 from services.line.projection import foot_within
-from services.numerics.kernel import kernel
+from services.numerics.kernel import inner_kernel, kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -111,7 +111,7 @@ def tracks_beside(alignment: Alignment, axis_m: ArrayLike) -> Ints:
     return count
 
 
-@kernel
+@inner_kernel
 def _seed(
     axis_m: Floats, plane_m: Floats, first: Ints, place: Floats, route: Ints, at_m: Floats, aside_m: Floats
 ) -> int:
@@ -146,7 +146,7 @@ def _seed(
     return kept
 
 
-@kernel
+@inner_kernel
 def _spawn(junction: Floats, route: Ints, at_m: Floats, aside_m: Floats, weight: Floats, count: int) -> int:
     """Add the routes that go on from the same place as the most probable way; gives the number of ways."""
     best = 0
@@ -166,7 +166,7 @@ def _spawn(junction: Floats, route: Ints, at_m: Floats, aside_m: Floats, weight:
     return count
 
 
-@kernel
+@inner_kernel
 def _kept(route: Ints, at_m: Floats, aside_m: Floats, weight: Floats, count: int) -> int:
     """Drop ways that are given up or have run together; weights are then relative to the best. Gives their number."""
     top = weight[:count].max()
@@ -184,7 +184,7 @@ def _kept(route: Ints, at_m: Floats, aside_m: Floats, weight: Floats, count: int
     return kept
 
 
-@kernel
+@inner_kernel
 def _is_counted(junction: Floats, route: Ints, at_m: Floats, way: int) -> bool:
     """Whether an earlier way is at the same place: routes are one before their junction, and count once."""
     for j in range(way):
@@ -194,7 +194,7 @@ def _is_counted(junction: Floats, route: Ints, at_m: Floats, way: int) -> bool:
     return False
 
 
-@kernel
+@inner_kernel
 def _report(
     junction: Floats, route: Ints, at_m: Floats, aside_m: Floats, weight: Floats, count: int, row: Floats
 ) -> None:

@@ -202,3 +202,24 @@ def test_show_gives_tables_json_and_a_picture(tmp_path: Path) -> None:
     assert (unknown.exit_code, "it has: akaiwa" in unknown.output) == (2, True)
     refused = RUNNER.invoke(app, ["show", "demo", "--plot", str(tmp_path / "demo.xyz")])
     assert refused.exit_code == 1
+
+
+def test_a_profile_may_go_by_kilometrage(tmp_path: Path) -> None:
+    axis, stations, profile = drawn_map(tmp_path)
+    along = np.arange(0.0, MAIN.length_m, 50.0)
+    rows = zip(MAIN.chainage.at(along), MAIN.gradient_permille(along), strict=True)
+    profile.write_text("chainage_m,gradient_permille,limit_kmh\n" + "".join(f"{c:.1f},{g:.2f},80\n" for c, g in rows))
+    out = tmp_path / "line.json"
+    given = ["import", "--axis", str(axis), "--profile", str(profile), "--out", str(out), "--stations"]
+    result = RUNNER.invoke(app, [*given, str(stations)])
+    assert result.exit_code == 0, result.output
+    found = alignment_of(msgspec.json.decode(out.read_bytes(), type=Line))
+    middles = np.array([3500.0, 7300.0, 19_000.0])
+    # Away from the broken chains, which a map with stations alone does not show, and from changes of gradient.
+    assert found.gradient_permille(middles) == pytest.approx(MAIN.gradient_permille(middles), abs=0.1)
+    assert found.speed_limit_mps(12_000.0) == pytest.approx(80.0 / 3.6)
+    content = {"type": "FeatureCollection", "features": station_points(with_chainage=False)}
+    stations.write_text(json.dumps(content), "utf-8")
+    refused = RUNNER.invoke(app, [*given, str(stations)])
+    assert refused.exit_code == 1
+    assert "two stations or more with a kilometrage" in refused.output
