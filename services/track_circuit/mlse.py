@@ -1,0 +1,140 @@
+"""Pilot cancellation, matched filter and maximum-likelihood sequence estimation over two states.
+
+CH1 is BPSK with the waveform g = channel * code. A response shorter than a symbol makes neighbours overlap once:
+    y_m = sum conj(g[n]) r[n + m T],   rho_0 = sum |g|^2,   rho_1 = sum conj(g[n]) g[n - T]
+and the likelihood is Re sum_m d_m (2 y_m - 2 rho_1 d_{m-1}) up to a constant (Ungerboeck 1974), maximised by Viterbi.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.numerics.kernel import kernel
+from services.track_circuit.channel_estimate import (
+    TAPS,
+    NormalEquations,
+    delay_and_add,
+    observed_rows,
+    response,
+    rows_of,
+)
+from services.track_circuit.modulate import spread
+from services.track_circuit.profile import Profile
+from services.track_circuit.receiver import Burst, Reception, StoredTaps
+from services.track_circuit.walsh import code
+
+MEMORY = 0.8
+"""Share of the channel estimate's sums kept from one burst to the next."""
+ROUNDS = 2
+"""Decide, estimate the channel with the decisions, decide again."""
+
+
+@kernel
+def sequence_soft(matched: NDArray[np.float64], overlap: float) -> NDArray[np.float64]:
+    """Max-log difference of the best sequences with d_m = +1 and d_m = -1, divided by 4.
+
+    `matched` holds Re y_m / rho_0 and `overlap` Re rho_1 / rho_0; without overlap the result is `matched`.
+    """
+    count = len(matched)
+    forward = np.zeros((count, 2))
+    backward = np.zeros((count, 2))
+    for m in range(count):
+        for state in range(2):
+            d = 1.0 - 2.0 * state
+            best = 0.0
+            if m > 0:
+                same = forward[m - 1, state] - 2.0 * overlap
+                other = forward[m - 1, 1 - state] + 2.0 * overlap
+                best = max(same, other)
+            forward[m, state] = best + 2.0 * d * matched[m]
+    for m in range(count - 2, -1, -1):
+        for state in range(2):
+            d = 1.0 - 2.0 * state
+            same = backward[m + 1, state] + 2.0 * d * matched[m + 1] - 2.0 * overlap
+            other = backward[m + 1, 1 - state] - 2.0 * d * matched[m + 1] + 2.0 * overlap
+            backward[m, state] = max(same, other)
+    found = np.empty(count)
+    for m in range(count):
+        found[m] = 0.25 * (forward[m, 0] + backward[m, 0] - forward[m, 1] - backward[m, 1])
+    return found
+
+
+def matched_outputs(
+    residual: NDArray[np.complex128], waveform: NDArray[np.complex128], symbol_samples: int, count: int
+) -> NDArray[np.complex128]:
+    """y_m / rho_0 for `count` symbols; `residual` and `waveform` begin at the same place before a symbol."""
+    windows = np.lib.stride_tricks.sliding_window_view(residual, len(waveform))[::symbol_samples][:count]
+    return np.asarray(windows @ np.conj(waveform) / np.sum(np.abs(waveform) ** 2), np.complex128)
+
+
+def signs(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """+1 or -1; +1 for 0."""
+    return np.where(values < 0.0, -1.0, 1.0)
+
+
+class MlseReceiver:
+    """The default receiver: within 0.3 dB of the matched-filter bound where the response is shorter than a symbol."""
+
+    name = "mlse"
+
+    def __init__(self, profile: Profile, stored: StoredTaps | None = None) -> None:
+        """Begin with the stored response, or with none."""
+        self._profile = profile
+        self._code1 = code(profile.code_length, profile.ch1_row)
+        self._code2 = profile.ch2_amplitude * code(profile.code_length, profile.ch2_row)
+        self._sums = NormalEquations()
+        self._taps = None if stored is None else stored.taps.reshape(2, TAPS)
+
+    def receive(self, burst: Burst) -> Reception:
+        """Decide a burst: estimate, cancel the pilot, match, search; then once more with the decisions."""
+        pilot_chips = spread(burst.pilots, self._code2)
+        taps = self._from_pilot(burst, pilot_chips) if self._taps is None else self._taps
+        sums, errors = self._sums, []
+        soft, points = self._decide(burst, taps, pilot_chips)
+        for _ in range(ROUNDS):
+            symbols = signs(soft) if burst.known is None else np.where(burst.known == 0.0, signs(soft), burst.known)
+            sums = self._with_decisions(burst, pilot_chips, symbols)
+            taps = sums.solve()
+            soft, points = self._decide(burst, taps, pilot_chips)
+            errors.append(float(np.mean(np.abs(points - signs(soft)) ** 2)))
+        self._sums, self._taps = sums, taps
+        error_db = 10.0 * np.log10(np.asarray(errors) + 1e-12)
+        return Reception(soft, points, float(error_db[-1]), taps, error_db)
+
+    def _from_pilot(self, burst: Burst, pilot_chips: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """The response from CH2 alone: delay-and-add takes CH1 away."""
+        sums = NormalEquations()
+        rows = delay_and_add(rows_of(pilot_chips)).real
+        sums.add(rows, delay_and_add(observed_rows(burst.samples, len(pilot_chips))))
+        return sums.solve()
+
+    def _with_decisions(
+        self, burst: Burst, pilot_chips: NDArray[np.float64], symbols: NDArray[np.float64]
+    ) -> NormalEquations:
+        sums = self._sums.copy()
+        sums.fade(MEMORY)
+        chips = pilot_chips + spread(symbols, self._code1)
+        sums.add(rows_of(chips), observed_rows(burst.samples, len(chips)))
+        return sums
+
+    def _decide(
+        self, burst: Burst, taps: NDArray[np.complex128], pilot_chips: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        """Soft values, and the constellation with decided neighbours taken out."""
+        waveform = response(taps, self._code1)
+        symbol_samples = 2 * self._profile.code_length
+        count = len(burst.pilots)
+        pilot = response(taps, pilot_chips)
+        residual = np.zeros(symbol_samples * (count - 1) + len(waveform), np.complex128)
+        length = min(len(residual), len(burst.samples), len(pilot))
+        residual[:length] = burst.samples[:length] - pilot[:length]
+        matched = matched_outputs(residual, waveform, symbol_samples, count)
+        energy = float(np.sum(np.abs(waveform) ** 2))
+        overlap = np.vdot(waveform[symbol_samples:], waveform[:-symbol_samples]) / energy
+        soft = sequence_soft(np.ascontiguousarray(matched.real), float(overlap.real))
+        points = matched.copy()
+        decided = signs(soft)
+        points[1:] -= np.conj(overlap) * decided[:-1]
+        points[:-1] -= overlap * decided[1:]
+        return soft, points
