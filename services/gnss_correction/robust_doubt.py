@@ -36,6 +36,8 @@ TOLD_M: Final = 50.0
 """A move against the motion by more is told, and covered by the bound."""
 COVERED_S: Final = 60.0
 DRAG_S: Final = 60.0
+DRAG_HELD_S: Final = 600.0
+"""Once told it is not forgotten as long as it lasts; where the old place was the wrong one, after a while."""
 SETTLED_S: Final = 15.0
 BRIDGED_S: Final = 2.0
 """So long after a start the place is still being found, and after so long without satellites enough."""
@@ -77,8 +79,9 @@ def take_move(memory: Memory) -> None:
 @inner_kernel
 def take_drag(memory: Memory, dt_s: float) -> None:
     """Sum up by how much the pseudoranges move the place against its motion, east and north."""
-    now, fade = memory.now[0], np.exp(-dt_s / DRAG_S)
-    east_m, north_m = 0.0, 0.0
+    now, east_m, north_m = memory.now[0], 0.0, 0.0
+    told = now.drag_east_m**2 + now.drag_north_m**2 > TOLD_M * TOLD_M
+    fade = np.exp(-dt_s / (DRAG_HELD_S if told else DRAG_S))
     if now.t_s - now.began_s > SETTLED_S and now.t_s - now.determined_s < BRIDGED_S:
         for i in range(3):
             moved_m = memory.state[i] - memory.predicted[i]

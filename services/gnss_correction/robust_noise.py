@@ -67,11 +67,12 @@ def _doublings(strength_dbhz: float, strongest_dbhz: float) -> float:
 @kernel
 def urban_code_variance_m2(row: Any, strongest_dbhz: float) -> float:  # noqa: ANN401 - numba record
     """Variance of a pseudorange [m²]."""
-    sigma_m = CODE_REFERENCE_M * _doublings(row.strength_dbhz, strongest_dbhz)
     if row.correction_sigma_m > 0.0:
         # What the floor and the slant allow for the air is gone; what reflections do is not.
+        loss_db = _loss_db(row.strength_dbhz, strongest_dbhz)
+        sigma_m = CORRECTED_REFERENCE_M * 2.0 ** ((loss_db - REFERENCE_LOSS_DB) / CORRECTED_HALVING_DB)
         return float(sigma_m * sigma_m + corrected_extra_m2(row))
-    sigma_m += CODE_FLOOR_M
+    sigma_m = CODE_FLOOR_M + CODE_REFERENCE_M * _doublings(row.strength_dbhz, strongest_dbhz)
     sine = max(np.sin(row.elevation_rad), LOWEST_SINE)
     channel_m = INTER_CHANNEL_M if row.system == _GLONASS else 0.0
     return float(sigma_m * sigma_m * (1.0 + SLOW_SHARE * (1.0 / sine - 1.0)) + channel_m * channel_m)
