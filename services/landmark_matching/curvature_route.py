@@ -28,6 +28,11 @@ class Route:
     junction_axis_m: float = float("inf")
     """Up to here the way is the main line's; infinite on the main line itself."""
 
+    @property
+    def last_u_m(self) -> float:
+        """Its last place."""
+        return self.first_u_m + STEP_M * (len(self.heading_rad) - 1)
+
 
 def route_of(alignment: Alignment, direction: Direction) -> Route:
     """One direction of a route.

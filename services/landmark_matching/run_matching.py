@@ -81,34 +81,63 @@ def match_run(
 
     `share` is the odometry's error per way. Raises PlaceError when the place is not to be found.
     """
-    placed = [_begin(readings, known, start, settings, share)]
-    own = OwnPosition(placed[0].anchor)
-    matcher = Matcher(known.landmarks, known.curves, settings)
-    matches: list[Match] = []
-    junctions = JunctionWatch(known)
-    trace: list[TracePoint] = []
-    missed = 0
+    run = _Run(_begin(readings, known, start, settings, share), known, settings)
     for number, reading in enumerate(readings):
-        for match in matcher.step(reading, None if junctions.undecided else own.anchor):
-            matches.append(match)
-            own.take(match, reading)
-            missed = 0 if match.accepted else missed + (match.kind in NOT_THERE)
-        sample = matcher.newest
+        run.step(reading)
+        if run.is_lost():
+            run.go_on_from(_found_anew(readings[number:], known, settings, share))
+    return RunMatches(tuple(run.matches), tuple(run.placed), tuple(run.matcher.watch.moved), tuple(run.trace))
+
+
+class _Run:
+    """A run under way."""
+
+    def __init__(self, begin: PlacedFrom, known: LineLandmarks, settings: MatchSettings) -> None:
+        self.placed = [begin]
+        self.matches: list[Match] = []
+        self.trace: list[TracePoint] = []
+        self.matcher = Matcher(known.landmarks, known.curves, settings)
+        self._known = known
+        self._ends = {(one.branch, one.direction): one.last_u_m for one in known.routes}
+        self._own = OwnPosition(begin.anchor)
+        self._junctions = JunctionWatch(known)
+        self._missed = 0
+        self._given_up = False
+
+    def step(self, reading: Reading) -> None:
+        """Take one reading."""
+        for match in self.matcher.step(reading, None if self._junctions.undecided else self._own.anchor):
+            self.matches.append(match)
+            self._own.take(match, reading)
+            self._missed = 0 if match.accepted else self._missed + (match.kind in NOT_THERE)
+        sample = self.matcher.newest
         if sample is None:
-            continue
-        trace.append(_trace(sample, own.anchor))
-        choice = junctions.step(sample, own.anchor)
+            return
+        self.trace.append(_trace(sample, self._own.anchor))
+        choice = self._junctions.step(sample, self._own.anchor)
         if choice is not None and choice.decided is not None:
-            own.anchor = replace(own.anchor, branch=choice.decided)
-            placed.append(PlacedFrom(reading.t_s, own.anchor, choice.reason))
-        if missed >= LOST_AFTER:
-            missed = 0
-            found = _found_anew(readings[number:], known, settings, share)
-            if found is not None:
-                placed.append(found)
-                own = OwnPosition(found.anchor)
-                junctions = JunctionWatch(known)
-    return RunMatches(tuple(matches), tuple(placed), tuple(matcher.watch.moved), tuple(trace))
+            self._own.anchor = replace(self._own.anchor, branch=choice.decided)
+            self.placed.append(PlacedFrom(reading.t_s, self._own.anchor, choice.reason))
+
+    def is_lost(self) -> bool:
+        """Whether landmarks were not there time after time, or the line has ended: trains turn back there."""
+        if self._missed >= LOST_AFTER:
+            return True
+        sample, anchor = self.matcher.newest, self._own.anchor
+        if sample is None or self._given_up:
+            return False
+        held = anchor.held(sample.distance_m, sample.excess_m)
+        return held.place_m - held.behind_m > self._ends[anchor.branch, anchor.direction]
+
+    def go_on_from(self, found: PlacedFrom | None) -> None:
+        """Hold the place that was found; without one go on as before."""
+        self._missed = 0
+        self._given_up = found is None
+        if found is None:
+            return
+        self.placed.append(found)
+        self._own = OwnPosition(found.anchor)
+        self._junctions = JunctionWatch(self._known)
 
 
 def _trace(sample: Sample, anchor: Anchor) -> TracePoint:

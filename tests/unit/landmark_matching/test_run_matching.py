@@ -50,6 +50,27 @@ def test_a_train_lost_by_a_wrong_start_is_found_again() -> None:
         assert abs(match.axis_m - true_axis(match.t_s, axis_m)) <= match.bound_m
 
 
+def test_a_train_that_turns_back_at_the_end_of_the_line_is_found_again() -> None:
+    there, _ = demo_run("up", 22_000.0, 25_300.0)
+    back, axis_m = demo_run("down", 25_300.0, 20_500.0)
+    t_s, distance_m = there[-1].t_s + 0.1, there[-1].distance_m
+    later = [
+        one._replace(
+            t_s=one.t_s + t_s,
+            distance_m=one.distance_m + distance_m,
+            curvature_distance_m=one.curvature_distance_m + distance_m,
+        )
+        for one in back
+    ]
+    start = Start("", "up", 22_000.0, 20.0)
+    found = match_run([*there, *later], demo_landmarks(), start, SETTINGS, 0.02)
+    assert [placed.anchor.direction for placed in found.placed] == ["up", "down"]
+    returning = [match for match in found.matches if match.accepted and match.landmark.direction == "down"]
+    assert len(returning) >= 3
+    for match in returning:
+        assert abs(match.axis_m - true_axis(match.t_s - t_s, axis_m)) <= match.bound_m
+
+
 def test_a_straight_run_tells_no_place() -> None:
     readings, _ = demo_run("up", 5900.0, 6300.0)
     with pytest.raises(PlaceError, match="say where it begins"):
