@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-AREAS = ("bus", "gnss", "landmarks", "replay", "start")
+AREAS = ("bus", "gnss", "landmarks", "motion", "replay", "start")
 
 
 def bench(
