@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import assert_never
 
+from services.odometry_fusion.fused_odometry import FusedOdometry
 from services.odometry_fusion.motion_log import MotionLog, MotionRows, OdometryStep, Remembered, Vehicle
 from services.odometry_fusion.paper_odometry import PaperOdometry
 from services.odometry_fusion.settings import Config
@@ -18,8 +19,7 @@ def begin(vehicle: Vehicle, config: Config, known: Remembered | None = None) -> 
         case "paper":
             return PaperOdometry(vehicle, config.paper, known)
         case "fused":
-            msg = "fused"
-            raise ValueError(msg)
+            return FusedOdometry(vehicle, config.fused, known)
         case _:
             assert_never(config.method)
 

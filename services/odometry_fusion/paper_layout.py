@@ -168,9 +168,10 @@ OUT: Final[np.dtype[Any]] = np.dtype([
         "gyro_bias_radps",
         "since_rest_s",
         "yaw_radps",
+        "sensed_m",
     ),
 ])  # fmt: skip
-"""What one tick gives."""
+"""What one tick gives; `sensed_m` is the distance at the instant that the inertial sample shows."""
 
 REASONS: Final = (
     "",

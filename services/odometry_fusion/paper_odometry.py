@@ -117,7 +117,7 @@ class PaperOdometry:
     def _curvature(self, out: Records) -> Floats:
         usable = (out["slip"] == 0) & (out["status"] == 0)
         turns = np.concatenate(
-            [self._past_turns, np.column_stack([out["yaw_radps"], out["distance_m"], usable.astype(np.float64)])]
+            [self._past_turns, np.column_stack([out["yaw_radps"], out["sensed_m"], usable.astype(np.float64)])]
         )
         found = np.empty((len(out), 3))
         columns = [np.ascontiguousarray(turns[:, k]) for k in range(3)]

@@ -259,6 +259,7 @@ def _write(
     own.gyro_bias_radps = now.pitch_bias_radps
     own.since_rest_s = now.since_rest_s
     own.yaw_radps = tick.gz_radps - now.yaw_bias_radps
+    own.sensed_m = own.distance_m - (tick.way_m - tick.aligned_m)
     own.status, own.reason = _status(now.mode, now.distrusted, no_imu, no_pulses)
     own.bound_m = rule.share * now.run_m + now.excess_m + provisional_m
     if own.status == VALID and (now.mode == ADHERING or not unproven):

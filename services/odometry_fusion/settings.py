@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from schemas.motion import OdometryMethod
+from services.odometry_fusion.fused_settings import FusedSettings
 from services.odometry_fusion.paper_settings import PaperSettings
 from services.odometry_fusion.wheel_odometry import WheelSettings
 
@@ -17,7 +18,7 @@ Device = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")]
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How odometry is made of pulses and inertial samples."""
 
-    method: OdometryMethod = "paper"
+    method: OdometryMethod = "fused"
     """`wheel`: pulses alone; `paper`: Iwata et al.; `fused`: an error-state filter with prediction anchors."""
     imu: Device | None = None
     """The inertial sensor's device; without it, the first one heard."""
@@ -36,5 +37,6 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Keep biases and wheel scale on disk, for the next start."""
     state_folder: str = ""
     """Where to keep them; empty for the host's state folder."""
+    fused: FusedSettings = FusedSettings()
     paper: PaperSettings = PaperSettings()
     wheel: WheelSettings = WheelSettings()

@@ -256,7 +256,7 @@ def test_the_curvature_is_that_of_the_track_with_its_own_distance() -> None:
     # 0.0008 rad/s of noise over 200 samples and 18 m/s leave 3e-6 1/m.
     assert rows.curvature_per_m[inside] == pytest.approx(-0.0025, abs=3e-5)
     lag_m = rows.distance_m[inside] - rows.curvature_distance_m[inside]
-    assert lag_m == pytest.approx(18.0, abs=0.5)  # half of 2 s at 18 m/s
+    assert lag_m == pytest.approx(18.0 * 1.3, abs=0.5)  # half of 2 s and the sensor's 0.3 s, at 18 m/s
     assert np.isnan(rows.curvature_per_m[rows.t_s < 12.0]).all()
     assert np.abs(errors_of(rows, t_s, distance_m)).max() < 3.0
 
