@@ -44,8 +44,8 @@ LAG_WALK: Final = 2e-4
 """Random walks of B, C and L, per √s."""
 OUTLIER_SIGMA: Final = 3.0
 """Beyond this many standard deviations an innovation's weight falls (Huber)."""
-FIRST_SIGMAS: Final = (0.05, 0.01, 30.0, 0.06, 0.0035, 0.02, 0.02, 0.05, 0.05)
-"""Of D, W, V, TH, B, C, M, L, U when nothing is known yet: no standstill is needed to begin."""
+FIRST_SIGMAS: Final = (0.05, 0.02, 1.0, 0.1, 0.0035, 0.02, 0.02, 0.05, 0.05)
+"""Of D, W, V, TH, B, C, M, L, U when nothing is known yet but the wheel's speed: no standstill is needed to begin."""
 FORCE: Final = 0
 RATE: Final = 1
 CREEP: Final = 2

@@ -37,6 +37,8 @@ END_SLIP_MPS: Final = 0.08
 """Slip speed at the very beginning and end of a slip."""
 LEAST_MPS: Final = 0.8
 """Slower, neither train nor wheel, no slip begins."""
+KNOWN_SPEED_VAR: Final = 0.2**2
+"""An account that knows its speed less well than this, at the very beginning, begins no slips."""
 WORST_LOG: Final = -40.0
 ALIKE: Final = (0.1, 0.004, 0.5)
 """Adhering accounts that have come so close in speed, attitude and distance are one and the same."""
@@ -117,7 +119,8 @@ def branch_out(branches: Branches, now: Record, begins: bool, dt_s: float) -> No
         ):
             slipping = i
     target = count
-    if adhering >= 0 and begins and max(abs(now.rim_mps), abs(branches.x[adhering, V])) > LEAST_MPS:
+    known = adhering >= 0 and branches.p[adhering, V, V] < KNOWN_SPEED_VAR
+    if known and begins and max(abs(now.rim_mps), abs(branches.x[adhering, V])) > LEAST_MPS:
         begin_slip(branches, adhering, target, tick)
         target += 1
     for i in range(count):

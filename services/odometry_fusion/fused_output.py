@@ -41,9 +41,9 @@ from services.odometry_fusion.tick_layout import Records
 
 SLIP_SHARE: Final = 0.9
 """A slip is published when it is so probable, and has come to"""
-SLIP_MPS: Final = 0.4
+SLIP_MPS: Final = 0.32
 """this slip speed (and twice the micro-slip) or"""
-SLIP_M: Final = 0.9
+SLIP_M: Final = 0.7
 """this much way: micro-slips are followed, but not called slips."""
 ADHERES_SHARE: Final = 0.3
 """Re-adhesion is published when a slip is less probable."""

@@ -11,7 +11,7 @@ from msgspec import Meta
 class FusedSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the error-state filter with branches is told; noises it takes from the samples."""
 
-    share: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.025
+    share: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.03
     """Relative error of distance outside slips that is vouched for while the wheel's scale is not known better: wear
     of 2 % and micro-slip."""
     known_share: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.006

@@ -42,6 +42,8 @@ from services.odometry_fusion.wheel_measure import rim_variance
 
 LONGEST_HOLD_S: Final = 0.5
 """An inertial mean, or a count, is bridged for so long."""
+FIRST_WAIT_S: Final = 0.35
+"""The wheel's speed is known so long after the first count that the inertial sensor's latency has shown."""
 MISSED_TEETH: Final = 3.0
 """So many should have come for a silent counter to be a missing one; less, and the wheel stands or creeps."""
 LONGEST_STILL_S: Final = 120.0
@@ -91,10 +93,11 @@ def begin_now(now: Record) -> None:
 
 
 @kernel
-def begin_branches(branches: Branches, now: Record, way_m: float) -> None:
-    """One account, adhering, of which nothing is known but where the wheel is."""
+def begin_branches(branches: Branches, now: Record, way_m: float, speed_mps: float) -> None:
+    """One account, adhering, of which nothing is known but where the wheel is and how fast it turns."""
     begin_state(branches.x[0], branches.p[0])
     branches.x[0, D] = branches.x[0, W] = way_m
+    branches.x[0, V] = speed_mps
     own = branches.about[0]
     own.mode, own.since, own.slip_since = ADHERING, now.tick, now.tick
     own.log_weight, own.walk, own.top_mps, own.free = 0.0, 0.0, 0.0, 0
@@ -128,9 +131,9 @@ def _step(
     silent = silent_s > LONGEST_HOLD_S and missed
     now.excess_m += tick.doubt_m
     stands = False
-    if now.tick * PERIOD_S >= rule.latency_s - 1e-9:
-        if now.branches == 0 or not np.isfinite(branches.x[now.best].sum() + branches.p[now.best].sum()):
-            begin_branches(branches, now, tick.aligned_m)
+    if not np.isfinite(branches.x[now.best].sum() + branches.p[now.best].sum()):
+        now.branches = 0
+    if now.branches > 0:
         if blind:
             now.roll_settled_s, now.noise_s = 0.0, 0.0
         else:
@@ -140,6 +143,8 @@ def _step(
             branch_out(branches, now, not stands and not blind and not silent, PERIOD_S)
             prune(branches, now)
         now.slip_share = slip_share(branches, now)
+    elif now.tick * PERIOD_S >= rule.latency_s + FIRST_WAIT_S:
+        begin_branches(branches, now, tick.aligned_m, tick.wheel_speed_mps)
     count = publish(tick, row, rule, now, branches, stands, blind, silent, out, events, count)
     now.tick += 1
     return count

@@ -11,6 +11,8 @@ LEAST_SHARE: Final = 0.003
 """The jitter is a mean over half a minute."""
 WHITE_GAIN: Final = 20.0
 """Variance of the third difference of white noise over its own: 1 + 9 + 9 + 1. Motion shows in it by jerk alone."""
+LEAST_SIGMA_M: Final = 0.004
+"""No wheel rolls better than this, however many teeth it has."""
 LEAST_TICKS: Final = 4
 LONGEST_STILL: Final = 20.0
 
@@ -22,7 +24,7 @@ def rim_variance(z_m: float, pulse_m: float, now: Record, dt_s: float) -> float:
     Counting teeth errs evenly over one of them: pulse²/12. While fewer than one passes per tick, errors repeat
     instead of averaging out, and the variance is raised by as much.
     """
-    teeth_m2 = pulse_m * pulse_m / 12.0
+    teeth_m2 = max(pulse_m * pulse_m / 12.0, LEAST_SIGMA_M**2)
     now.followed += 1
     if now.followed >= LEAST_TICKS:
         third_m = z_m - 3.0 * now.z1_m + 3.0 * now.z2_m - now.z3_m
