@@ -30,3 +30,19 @@ def inner_kernel(function: F) -> F:
     Called from Python it raises TypeError.
     """
     return cast("F", numba.njit(**_INNER)(function))
+
+
+_SUMMING: Final[dict[str, Any]] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract", "nsz"},
+}
+
+
+def summing_kernel(function: F) -> F:
+    """As `kernel`, for long sums of products: the order of additions is the compiler's, who may then use vectors.
+
+    Infinities and NaN keep their meaning. Two machines may differ in the last bit.
+    """
+    return cast("F", numba.njit(**_SUMMING)(function))
