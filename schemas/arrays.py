@@ -31,6 +31,10 @@ Int64s = NDArray[np.int64]
 """One-dimensional int64 array."""
 Uint8s = NDArray[np.uint8]
 """One-dimensional uint8 array."""
+Float32s = NDArray[np.float32]
+"""One-dimensional float32 array."""
+Complex128s = NDArray[np.complex128]
+"""One-dimensional complex128 array."""
 
 
 def array_to_extension(array: NDArray[Any]) -> Ext:
@@ -87,9 +91,16 @@ def array_to_lists(array: NDArray[Any]) -> list[Any]:
     return lists
 
 
-def array_from_lists(lists: list[Any]) -> NDArray[Any]:
-    """Array of the lists that `array_to_lists` made (real numbers; null becomes NaN).
+def array_from_lists(lists: list[Any], dtype: type[np.generic] = np.float64) -> NDArray[Any]:
+    """Array of the lists that `array_to_lists` made; null becomes NaN, pairs become complex numbers.
 
-    Integers stay integers only if the message's own check asks for them.
+    Integers stay integers only if `dtype` asks for them. Raises ValueError for complex numbers that are no pairs.
     """
-    return np.array(lists, dtype=np.float64)
+    numbers = np.array(lists, dtype=np.float64)
+    if np.issubdtype(dtype, np.complexfloating):
+        pairs = numbers.reshape(0, 2) if numbers.size == 0 else numbers
+        if pairs.shape[-1] != 2:  # noqa: PLR2004 - real and imaginary part
+            msg = "a complex number is a pair of numbers"
+            raise ValueError(msg)
+        return np.ascontiguousarray(pairs).view(np.complex128)[..., 0].astype(dtype)
+    return numbers.astype(dtype)

@@ -60,7 +60,7 @@ def _from_wire(wanted: Any, value: object) -> object:  # noqa: ANN401 - msgspec 
 def _from_json(wanted: Any, value: object) -> object:  # noqa: ANN401 - msgspec hands over any type
     if _is_array(wanted) and isinstance(value, list):
         dtype = get_args(get_args(wanted)[1])[0] if get_args(wanted) else np.float64
-        return array_from_lists(value).astype(dtype)
+        return array_from_lists(value, dtype)
     msg = f"expected {wanted}, got {type(value).__name__}"
     raise TypeError(msg)
 
@@ -105,11 +105,11 @@ def decode_json(message: type[M], text: bytes | str) -> M:
 
 
 def json_schema(message: type[Message]) -> dict[str, Any]:
-    """JSON schema of a message; arrays are lists of numbers."""
+    """JSON schema of a message; arrays are lists of numbers, or of pairs where they are complex."""
 
     def describe(wanted: Any) -> dict[str, Any]:  # noqa: ANN401 - msgspec hands over any type
         if _is_array(wanted):
-            return {"type": "array", "items": {"type": ["number", "null"]}}
+            return {"type": "array", "items": {"type": ["number", "null", "array"]}}
         msg = f"no JSON schema for {wanted}"
         raise NotImplementedError(msg)  # msgspec's own word for a type that the hook does not know
 

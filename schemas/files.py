@@ -8,8 +8,14 @@ import msgspec
 
 from schemas.line import LandmarkDatabase, Line
 from schemas.thresholds import Thresholds
+from schemas.track_circuit import CoefficientStore
 
-FILES: Final[dict[str, type[msgspec.Struct]]] = {"landmarks": LandmarkDatabase, "line": Line, "thresholds": Thresholds}
+FILES: Final[dict[str, type[msgspec.Struct]]] = {
+    "landmarks": LandmarkDatabase,
+    "line": Line,
+    "thresholds": Thresholds,
+    "track_circuit_coefficients": CoefficientStore,
+}
 
 
 def file_schema(name: str) -> dict[str, Any] | None:

@@ -5,7 +5,7 @@ How keys are made of them, and topics found from keys: schemas/topic.py.
 
 from __future__ import annotations
 
-from schemas import gnss, health, motion, position
+from schemas import gnss, health, motion, position, track_circuit
 from schemas.message import Message
 from schemas.topic import ROOT, Address, Delivery, Topic, TopicError, TopicTable
 
@@ -137,6 +137,55 @@ SIMULATOR_FAULT = Topic(
     "a fault to be switched on or off in a simulated train",
     from_outside=True,
 )
+TRACK_SAMPLES = Topic(
+    "{kind}/{place}/track_circuit/{circuit}/samples",
+    track_circuit.SampleBlock,
+    Delivery.STREAM,
+    10.0,
+    "samples of what a track circuit's receiver hears",
+)
+TRACK_TELEGRAM = Topic(
+    "{kind}/{place}/track_circuit/{circuit}/telegram",
+    track_circuit.Telegram,
+    Delivery.EVENT,
+    None,
+    "a telegram received through the rail, or what came in its place",
+)
+TRACK_CODE = Topic(
+    "{kind}/{place}/track_circuit/{circuit}/code",
+    track_circuit.CodedCarrier,
+    Delivery.STATE,
+    1.0,
+    "carrier and low-frequency code of a frequency-coded circuit",
+)
+TRACK_EQUALISER = Topic(
+    "{kind}/{place}/track_circuit/{circuit}/equaliser",
+    track_circuit.EqualiserState,
+    Delivery.STREAM,
+    1.0,
+    "taps, error and constellation of a track circuit's receiver",
+)
+TRACK_OCCUPANCY = Topic(
+    "{kind}/{place}/track_circuit/{circuit}/occupancy",
+    track_circuit.CircuitOccupancy,
+    Delivery.STATE,
+    1.0,
+    "whether a track circuit is certainly clear",
+)
+TRACK_HEALTH = Topic(
+    "{kind}/{place}/track_circuit/{circuit}/health",
+    track_circuit.CircuitHealth,
+    Delivery.STATE,
+    0.1,
+    "level, leakage, drift and error rates of a track circuit, and where they are going",
+)
+TRACK_EVENT = Topic(
+    "{kind}/{place}/track_circuit/{circuit}/event",
+    track_circuit.CircuitEvent,
+    Delivery.KEPT,
+    None,
+    "occupied, cleared, telegrams lost and back, trends and disturbances of a track circuit",
+)
 HEALTH = Topic("{kind}/{place}/health/{service}", health.Health, Delivery.STATE, 1.0, "how one service is doing")
 SERVICE_EVENT = Topic(
     "{kind}/{place}/event/{service}",
@@ -171,6 +220,13 @@ ALL: tuple[Topic[Message], ...] = (
     POSITION_EVENT,
     MOTION_TRUTH,
     SIMULATOR_FAULT,
+    TRACK_SAMPLES,
+    TRACK_TELEGRAM,
+    TRACK_CODE,
+    TRACK_EQUALISER,
+    TRACK_OCCUPANCY,
+    TRACK_HEALTH,
+    TRACK_EVENT,
     HEALTH,
     SERVICE_EVENT,
 )
