@@ -44,13 +44,14 @@ def _watch_departure(ticks: Records, at: int, state: Records) -> None:
     now.proof_s += PERIOD_S
     now.proof_x_mps += (tick.ax_mps2 - now.rest_ax_mps2) * PERIOD_S
     now.proof_y_mps += (tick.ay_mps2 - now.rest_ay_mps2) * PERIOD_S
-    wheel_mps = abs(tick.wheel_speed_mps)
+    wheel_mps = tick.wheel_speed_mps  # negative where the counter can tell backwards
+    least_mps = abs(wheel_mps)
     if tick.imu_missing_s > PERIOD_S or now.proof_s > LONGEST_PROOF_S:
         now.proof_s = -1.0
-    elif wheel_mps >= PROOF_MPS:
-        backwards = abs(now.proof_x_mps + wheel_mps) < NEAR * wheel_mps
-        sideways = abs(abs(now.proof_y_mps) - wheel_mps) < NEAR * wheel_mps
-        if abs(now.proof_x_mps - wheel_mps) > FAR * wheel_mps and (backwards or sideways):
+    elif least_mps >= PROOF_MPS:
+        backwards = abs(now.proof_x_mps + wheel_mps) < NEAR * least_mps
+        sideways = abs(abs(now.proof_y_mps) - least_mps) < NEAR * least_mps
+        if abs(now.proof_x_mps - wheel_mps) > FAR * least_mps and (backwards or sideways):
             now.wrong_axes = 1
         now.proven = 1
         now.proof_s = -1.0

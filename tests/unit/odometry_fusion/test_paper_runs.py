@@ -249,6 +249,21 @@ def test_biases_are_learned_at_rest_and_remembered() -> None:
     assert rows.since_standstill_s[rows.t_s < 9.0][-1] == 0.0
 
 
+def backwards(log: MotionLog) -> MotionLog:
+    """The same run in the other direction: what points forward and about the axes across and along is negated."""
+    return replace(log, pulses=-log.pulses, imu=log.imu * np.array([-1.0, 1.0, 1.0, -1.0, 1.0, 1.0]))
+
+
+def test_running_backwards_is_told_by_a_counter_that_can() -> None:
+    log, t_s, distance_m = run_of(slip_mps=4.0)
+    rows = run_log(backwards(log), CONFIG)
+    error_m = errors_of(rows, t_s, -distance_m)
+    assert (np.abs(error_m) <= rows.bound_m).all()
+    assert abs(error_m[-1]) < 3.0
+    assert rows.status.max() == VALID
+    assert rows.way_m[-1] == pytest.approx(distance_m[-1], abs=10.0)  # the wheel's speed sums up its slip, too
+
+
 def test_the_curvature_is_that_of_the_track_with_its_own_distance() -> None:
     log, t_s, distance_m = run_of(turn=-0.0025)
     rows = run_log(log, CONFIG)
