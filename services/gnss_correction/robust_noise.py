@@ -29,10 +29,10 @@ MOST_LOSS_DB: Final = 25.0
 """Weaker signals are believed no less; their deviations are hundreds of metres already."""
 CODE_FLOOR_M: Final = 1.8
 CODE_REFERENCE_M: Final = 4.0
-CORRECTED_REFERENCE_M: Final = 1.0
-CORRECTED_HALVING_DB: Final = 3.5
+CORRECTED_REFERENCE_M: Final = 2.0
+CORRECTED_HALVING_DB: Final = 3.0
 """The same for corrected pseudoranges: what the air adds is gone, and who corrects wants the noise averaged over many
-satellites rather than the two or three strongest. Twice the slope of white noise (6 dB)."""
+satellites rather than the two or three strongest; but not as flat as white noise (6 dB)."""
 DOPPLER_FLOOR_MPS: Final = 0.05
 DOPPLER_REFERENCE_MPS: Final = 0.2
 SLOW_SHARE: Final = 0.3

@@ -45,7 +45,7 @@ def static_p95_m(config: Config, out: Path, east_deg: float = 0.0) -> tuple[Solv
     [
         # rnx2rtkp: 0.19 m.
         (Config(), 0.15),
-        (SMOOTHED, 0.13),
+        (SMOOTHED, 0.15),
         (Config(method="original"), 0.19),
         (Config(method="original", smooth_s=100.0), 0.12),
     ],
@@ -62,7 +62,7 @@ def test_a_base_that_was_moved_by_a_hundred_metres_is_not_believed(tmp_path: Pat
     assert p95_m <= 3.4, "as without a base"
 
 
-@pytest.mark.parametrize(("config", "mean_m", "p95_m"), [(Config(), 0.60, 1.30), (SMOOTHED, 0.60, 1.30)])
+@pytest.mark.parametrize(("config", "mean_m", "p95_m"), [(Config(), 0.55, 1.30), (SMOOTHED, 0.55, 1.30)])
 def test_walk_in_shanghai(tmp_path: Path, config: Config, mean_m: float, p95_m: float) -> None:
     summary = solved(WALK, config, tmp_path / "fixes.csv", WALK_BASE_DEG)
     assert summary.fixes == summary.epochs
@@ -71,6 +71,9 @@ def test_walk_in_shanghai(tmp_path: Path, config: Config, mean_m: float, p95_m: 
     true = enu_about(reference, truth.lat_deg, truth.lon_deg, truth.h_m)
     found = enu_about(reference, track.lat_deg, track.lon_deg, track.h_m)
     inside = (track.t_s >= truth.at[0]) & (track.t_s <= truth.at[-1])
+    after = np.clip(np.searchsorted(truth.at, track.t_s), 1, len(truth.at) - 1)
+    # Where the truth is silent nobody knows.
+    inside &= truth.at[after] - truth.at[after - 1] <= 1.5
     error = found[inside, :2] - np.stack([np.interp(track.t_s[inside], truth.at, true[:, i]) for i in (0, 1)], -1)
     off = np.hypot(*(error - error.mean(axis=0)).T)
     assert off.mean() <= mean_m
