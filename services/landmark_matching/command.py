@@ -157,7 +157,7 @@ def match(
     branch: Annotated[str | None, typer.Option("--branch", help="Branch on which the log begins.")] = None,
     start_bound: StartBound = 20.0,
     sensor_behind_front: BehindFront = 0.0,
-    method: Method = "paper",
+    method: Method = "fused",
     as_json: AsJson = False,
 ) -> None:
     """Recognise the landmarks that a run passes, and say where the train therefore is.
@@ -235,7 +235,7 @@ def survey(
     branch: StartBranch = None,
     start_bound: StartBound = 20.0,
     sensor_behind_front: BehindFront = 0.0,
-    method: Method = "paper",
+    method: Method = "fused",
     as_json: AsJson = False,
 ) -> None:
     """Build the landmark database of a line from runs in any direction and at any speed.

@@ -33,7 +33,7 @@ class MatchSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """The tolerance of the length is never more than this share of the length …"""
     length_floor_m: Positive = 6.0
     """… unless that is less than this."""
-    shape_tolerance: Share = 0.12
+    shape_tolerance: Share = 0.1
     """Largest root mean square difference from the database's curvature, as a share of the arc's, after the scale."""
     lowest_confidence: Positive = 5.0
     """Standard deviations of noise that the bound allows for."""
