@@ -44,7 +44,10 @@ class Reception:
 class Receiver(Protocol):
     """One way to get CH1 out of a burst; keeps what it learned from burst to burst."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """As `receiver_named` knows it."""
+        ...
 
     def receive(self, burst: Burst) -> Reception:
         """Decide a burst and learn from it."""
