@@ -42,8 +42,8 @@ class Condition(NamedTuple):
 
     settings: MotionSettings = MotionSettings()
     gradient_permille: float = 16.0
-    known_scale: bool = False
-    """The wheel's scale has been found at landmarks."""
+    known_scale: bool = True
+    """The wheel's scale has been found at landmarks; else it goes into the errors, which are those of slips no more."""
 
 
 CONDITIONS: dict[str, Condition] = {
@@ -54,9 +54,10 @@ CONDITIONS: dict[str, Condition] = {
     "accelerometer 0.1 m/s2": Condition(MotionSettings(imu=Imu(accelerometer_bias_mps2=0.1))),
     "vibration x2": Condition(MotionSettings(imu=Imu(vibration=2.0))),
     "mounting 1 deg": Condition(MotionSettings(imu=Imu(mounting_deg=(1.0, 1.0, 1.0)))),
-    "wheel 1 %, known": Condition(MotionSettings(tacho=Tacho(wheel_scale=0.01)), known_scale=True),
-    "wheel -2 %": Condition(MotionSettings(tacho=Tacho(wheel_scale=-0.02)), gradient_permille=33.0),
+    "wheel 1 %": Condition(MotionSettings(tacho=Tacho(wheel_scale=0.01))),
+    "wheel -2 %": Condition(MotionSettings(tacho=Tacho(wheel_scale=-0.02)), gradient_permille=33.0, known_scale=False),
     "100 Hz counts": Condition(MotionSettings(tacho=Tacho(rate_hz=100))),
+    "33 permille, unknown": Condition(gradient_permille=33.0, known_scale=False),
     "mems": Condition(MotionSettings(imu=Imu(grade="mems"))),
 }
 

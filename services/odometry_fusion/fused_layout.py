@@ -132,6 +132,8 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             # micro-slip's variance, and how well innovations agree with it
             "creep_var",
             "agreement",
+            # share of the inertial noise that adds up
+            "quiet",
             "slip_share",
             "slip_top",
             "acceleration_mps2",

@@ -73,7 +73,8 @@ def publish(
     """Fill a row; gives the number of events, those of this row included."""
     if now.branches == 0:
         now.distance_m = tick.way_m
-        now.way_m = abs(tick.way_m)
+        now.way_m += abs(tick.way_m - now.live_d_m)
+        now.live_d_m = tick.way_m
         out.speed_mps, out.sensed_distance_m = tick.wheel_speed_mps, tick.aligned_m
         out.speed_bound_mps = abs(tick.wheel_speed_mps) + 1.0
         _bound(rule, now, 0.0, FINE, VALID, out)

@@ -64,6 +64,10 @@ AGREEMENT: Final = 1.05
 CREEP_GAIN: Final = 0.02
 """Micro-slip's variance follows the innovations: it grows while their squares exceed AGREEMENT times what the filter
 expects, and falls while they stay below."""
+FIRST_QUIET: Final = 0.2
+LEAST_QUIET: Final = 0.01
+"""Share of the noise seen from mean to mean that adds up over time: all of it if it is white, little of it if it
+is vibration."""
 AGREEING_TICKS: Final = 20
 MOVING_MPS: Final = 3.0
 LEAST_WALK: Final = 0.05
@@ -87,7 +91,7 @@ def begin_now(now: Record) -> None:
     now.scale = 1.0
     now.force_var, now.rate_var = 0.1**2, 1e-3**2
     now.creep_var = FIRST_CREEP**2
-    now.agreement = 1.0
+    now.agreement, now.quiet = 1.0, FIRST_QUIET
     now.jitter_mps2 = 1.0
     now.best = 0
 
@@ -164,8 +168,8 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
     now.before_m = tick.way_m
     stands = not silent and stands
     noise = np.empty(5)
-    noise[FORCE] = 0.0 if blind else max(now.force_var, LEAST_FORCE_MPS2**2)
-    noise[RATE] = BLIND_RATE_VAR if blind else max(now.rate_var, LEAST_RATE_RADPS**2)
+    noise[FORCE] = 0.0 if blind else max(now.quiet * now.force_var, LEAST_FORCE_MPS2**2)
+    noise[RATE] = BLIND_RATE_VAR if blind else max(now.quiet * now.rate_var, LEAST_RATE_RADPS**2)
     noise[CREEP] = now.creep_var
     noise[ACCELERATION] = BLIND_ACCELERATION if blind else 0.0
     seen = tick
@@ -205,8 +209,11 @@ def _watch_creep(p: Floats, own: Record, residual_m: float, variance: float, now
         return
     score = min(residual_m * residual_m / (p[W, W] + variance), 9.0)
     now.agreement += AGREEMENT_SHARE * (score - now.agreement)
-    grown = now.creep_var * np.exp(CREEP_GAIN * (now.agreement - AGREEMENT))
-    now.creep_var = min(MOST_CREEP**2, max(LEAST_CREEP**2, grown))
+    more = np.exp(CREEP_GAIN * (now.agreement - AGREEMENT))
+    if (more > 1.0 and now.quiet < 1.0) or (more < 1.0 and now.creep_var <= LEAST_CREEP**2):
+        now.quiet = min(1.0, max(LEAST_QUIET, now.quiet * more))
+    else:
+        now.creep_var = min(MOST_CREEP**2, max(LEAST_CREEP**2, now.creep_var * more))
 
 
 @kernel

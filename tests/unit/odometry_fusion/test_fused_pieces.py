@@ -1,0 +1,192 @@
+"""Pieces of the fused mode against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from services.odometry_fusion.fused_bound import ETCS_M, ETCS_SHARE, allowed
+from services.odometry_fusion.fused_branch import begin_state, correct, predict
+from services.odometry_fusion.fused_hypotheses import begin_slip, end_slip, prune, slip_share, take_over
+from services.odometry_fusion.fused_layout import (
+    ADHERING,
+    BRANCH,
+    BRANCHES,
+    GRAVITY_MPS2,
+    NOW,
+    ROOM,
+    SIZE,
+    SLIPPING,
+    TH,
+    B,
+    Branches,
+    D,
+    U,
+    V,
+    W,
+)
+from services.odometry_fusion.fused_step import begin_branches, begin_now
+from services.odometry_fusion.inertial_window import next_roll, next_variance
+from services.odometry_fusion.motion_log import Floats
+from services.odometry_fusion.standstill import STILL_TICKS, watch_standstill
+from services.odometry_fusion.tick_layout import TICK, Records
+from services.odometry_fusion.wheel_measure import rim_variance
+
+DT_S = 0.1
+QUIET = np.zeros(5)
+
+
+def tick_of(**values: float) -> Records:
+    tick = np.zeros(1, TICK)
+    for name, value in values.items():
+        tick[name] = value
+    return tick
+
+
+def fresh(speed_mps: float = 10.0) -> tuple[Branches, Records]:
+    now = np.zeros(1, NOW)
+    begin_now(now[0])
+    branches = Branches(np.zeros((ROOM, SIZE)), np.zeros((ROOM, SIZE, SIZE)), np.zeros(ROOM, BRANCH))
+    begin_branches(branches, now[0], 0.0, speed_mps)
+    return branches, now
+
+
+def run(x: Floats, p: Floats, steps: int, tick: Records, noise: Floats, mode: int = ADHERING) -> None:
+    now = np.zeros(1, NOW)
+    for _ in range(steps):
+        predict(x, p, mode, DT_S, tick[0], now[0], noise)
+
+
+def test_variance_of_speed_grows_as_an_anchor_in_the_past_says() -> None:
+    x, p = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    p[TH, TH], p[B, B], p[V, V] = 0.002**2, 1e-4**2, 0.05**2
+    run(x, p, 40, tick_of(), QUIET)
+    # (g T)² var(TH) + (g T²/2)² var(B) after T = 4 s; ATTITUDE_WALK adds (g q)² T³/3.
+    seconds = 4.0
+    expected = 0.05**2 + (GRAVITY_MPS2 * seconds * 0.002) ** 2 + (GRAVITY_MPS2 * seconds**2 / 2 * 1e-4) ** 2
+    expected += (GRAVITY_MPS2 * 2e-4) ** 2 * seconds**3 / 3
+    # Steps of 0.1 s sum rectangles where the integral has T²/2: 0.1/4 of each term at most.
+    assert p[V, V] == pytest.approx(expected, rel=0.05)
+
+
+def test_motion_on_a_gradient_is_freed_from_gravity() -> None:
+    x, p = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    x[TH] = 0.03
+    run(x, p, 100, tick_of(ax_mps2=0.5 + GRAVITY_MPS2 * np.sin(0.03)), QUIET)
+    assert x[V] == pytest.approx(5.0)
+    assert x[D] == pytest.approx(25.0)
+    assert x[W] == pytest.approx(25.0)
+
+
+def test_pitch_rate_in_a_canted_curve_is_freed_from_the_yaw_rate() -> None:
+    roll, yaw = 0.08, 0.05
+    now = np.zeros(1, NOW)
+    now["roll_rad"] = roll
+    x, p = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    # A level curve: the sensor turns with the yaw rate about an axis that stands at the roll angle.
+    for _ in range(100):
+        predict(x, p, ADHERING, DT_S, tick_of(gy_radps=yaw * roll, gz_radps=yaw)[0], now[0], QUIET)
+    assert x[TH] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_roll_follows_gravity_in_a_curve_whatever_the_speed() -> None:
+    roll = 0.0
+    for k in range(1, 600):
+        ay = 25.0 * 0.06 + GRAVITY_MPS2 * 0.05
+        roll = next_roll(roll, ay, 0.0, 0.06, 25.0, DT_S, k * DT_S)
+    assert roll == pytest.approx(0.05)
+
+
+def test_white_noise_shows_its_variance_in_steps_from_mean_to_mean() -> None:
+    noise = np.random.default_rng(3).normal(0.0, 0.2, 20_000)
+    variance = 1.0
+    for k in range(1, len(noise)):
+        variance = next_variance(variance, noise[k] - noise[k - 1], 0.002)
+    # A running mean over 500 of them has a standard deviation of 6 %; three of them.
+    assert variance == pytest.approx(0.04, rel=0.2)
+
+
+def test_teeth_alone_err_by_a_twelfth_of_a_pulse_squared_and_jitter_adds_to_it() -> None:
+    rng = np.random.default_rng(5)
+    for jitter_s, expected_m2 in ((0.0, 0.03**2 / 12), (0.01, 0.03**2 / 12 + (20.0 * 0.01) ** 2)):
+        now = np.zeros(1, NOW)
+        found = []
+        for k in range(1500):
+            way_m = 20.0 * (k * DT_S + rng.normal(0.0, jitter_s))
+            found.append(rim_variance(np.floor(way_m / 0.03) * 0.03, 0.03, now[0], DT_S))
+        # A running mean over half a minute of correlated differences: 12 % at one sigma.
+        assert np.mean(found[-300:]) == pytest.approx(expected_m2, rel=0.4)
+
+
+def test_standstill_gives_the_gyros_biases() -> None:
+    now = np.zeros(1, NOW)
+    tick = tick_of(gx_radps=1e-3, gz_radps=-2e-3)
+    stands = [watch_standstill(tick[0], False, now[0], DT_S) for _ in range(60)]  # noqa: FBT003 - a kernel's argument
+    assert stands.index(True) == STILL_TICKS - 1
+    assert now["roll_bias_radps"][0] == pytest.approx(1e-3)
+    assert now["yaw_bias_radps"][0] == pytest.approx(-2e-3)
+    assert not watch_standstill(tick[0], True, now[0], DT_S)  # noqa: FBT003 - the same
+
+
+def test_a_correction_is_that_of_a_kalman_filter_and_an_outlier_moves_less() -> None:
+    x, p = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    p[V, V], p[W, W], p[V, W], p[W, V] = 4.0, 1.0, 1.0, 1.0
+    before = p.copy()
+    correct(x, p, W, 1.0, 1.0)
+    assert x[W] == pytest.approx(0.5)
+    assert x[V] == pytest.approx(0.5)
+    assert p[V, V] == pytest.approx(3.5)
+    np.testing.assert_array_equal(p, p.T)
+    far = np.zeros(SIZE)
+    likely, unlikely = correct(np.zeros(SIZE), before.copy(), W, 0.1, 1.0), correct(far, before.copy(), W, 100.0, 1.0)
+    # Huber: three sigma's worth of move, 3 · √2 · 1/2.
+    assert far[W] == pytest.approx(3.0 * np.sqrt(2.0) / 2.0)
+    assert likely > unlikely
+
+
+def test_a_slip_ends_the_sooner_the_nearer_its_speed_is_to_nought() -> None:
+    branches, now = fresh()
+    begin_slip(branches, 0, 1, 5)
+    prices = []
+    for slip_mps in (0.0, 0.2, 1.0):
+        branches.x[1, U], branches.p[1, U, U] = slip_mps, 0.1**2
+        end_slip(branches, 1, 2, 40, float(now["creep_var"][0]))
+        prices.append(float(branches.about["log_weight"][2] - branches.about["log_weight"][1]))
+        assert branches.about["mode"][2] == ADHERING
+    assert prices[0] > prices[1] > prices[2]
+
+
+def test_taking_over_the_wheel_keeps_its_speed_and_gives_the_inertial_one_up() -> None:
+    branches, now = fresh(10.0)
+    begin_slip(branches, 0, 1, 0)
+    branches.p[1] = np.diag(np.full(SIZE, 1e-6))
+    branches.x[1, U] = 1.5
+    take_over(branches, 1, 2, 600, DT_S, float(now["creep_var"][0]))
+    # 60 s of slip leave the inertial speed 5 m/s of doubt: the wheel's 11.5 m/s counts.
+    assert branches.x[2, V] == pytest.approx(11.5, abs=0.05)
+    assert branches.x[2, U] == pytest.approx(0.0, abs=0.05)
+
+
+def test_the_adhering_account_survives_any_number_of_better_ones() -> None:
+    branches, now = fresh()
+    for k in range(1, ROOM):
+        begin_slip(branches, 0, k, k)
+        branches.about["log_weight"][k] = 10.0 + 0.1 * k
+    now["branches"], now["tick"] = ROOM, 200
+    prune(branches, now[0])
+    assert int(now["branches"][0]) == BRANCHES
+    assert ADHERING in branches.about["mode"][:BRANCHES]
+    assert slip_share(branches, now[0]) > 0.99
+    assert branches.about["mode"][int(now["best"][0])] == SLIPPING
+
+
+def test_begins_without_standstill() -> None:
+    x, p = np.ones(SIZE), np.ones((SIZE, SIZE))
+    begin_state(x, p)
+    assert (np.diag(p) > 0.0).all()
+    assert not x.any()
+
+
+def test_allowed_bound_is_that_of_etcs_forwards_and_counts_the_way_in_reverse() -> None:
+    assert allowed(1000.0, 1000.0) == ETCS_M + ETCS_SHARE * 1000.0
+    assert allowed(2000.0, 0.0) == ETCS_M + ETCS_SHARE * 2000.0
