@@ -14,6 +14,7 @@ import typer
 
 if TYPE_CHECKING:
     from schemas.message import Message
+    from schemas.motion import Odometry
     from services.train_position.evaluation import Judgement, Positions, Truth
     from services.train_position.log_run import Said
     from services.train_position.settings import Config
@@ -49,7 +50,7 @@ def told(command: str) -> Iterator[None]:
 
 @app.command("run")
 def run_command(
-    motion: Annotated[Path, typer.Option(help="motion.csv of `kirotei motion run`.")],
+    motion: Annotated[Path, typer.Option(help="Motion log (a folder), or motion.csv of `kirotei motion run`.")],
     line: Annotated[Path, typer.Option(help="Line file.")],
     out: Annotated[Path, typer.Option(help="positions.csv to write.")],
     matches: Annotated[Path | None, typer.Option(help="matches.csv of `kirotei landmarks match`.")] = None,
@@ -93,7 +94,7 @@ def run_command(
         if direction is not None:
             settings = _facing(settings, direction)
         places = LinePlaces(load_line(line).line)
-        odometry = odometry_of(motion, share_bound)
+        odometry = _logged(motion) if motion.is_dir() else odometry_of(motion, share_bound)
         arrivals: list[tuple[int, Message]] = [(one.t_ns, one) for one in odometry]
         if start_axis_m is not None and odometry:
             started = _start(odometry[0].t_ns, start_axis_m, start_bound_m, places)
@@ -114,6 +115,18 @@ def run_command(
         if passes is not None:
             write_passes(passes, said.passes)
     _summarise(said, keeper.refused, json_out=json_out)
+
+
+def _logged(folder: Path) -> list[Odometry]:
+    """Odometry of a motion log by the default method: with everything that it vouches for, unlike a motion.csv."""
+    from services.odometry_fusion.methods import run_log
+    from services.odometry_fusion.motion_log_file import read_motion_log
+    from services.odometry_fusion.row_messages import odometry_of
+    from services.odometry_fusion.settings import Config as OdometryConfig
+
+    settings = OdometryConfig()
+    rows = run_log(read_motion_log(folder).log, settings)
+    return [odometry_of(rows, at, 0, settings.method, "log") for at in range(len(rows))]
 
 
 def _start(t_ns: int, axis_m: float, bound_m: float, places: Any) -> Message:  # noqa: ANN401 - LinePlaces, which loads numpy
