@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 .PHONY: help demo test lint types lock bench clean
 
 help:
-	@echo "make demo    watch a simulated train drive through a street canyon (Ctrl-C ends it)"
+	@echo "make demo    watch a simulated train run a whole line (Ctrl-C ends it)"
 	@echo "make test    run the tests"
 	@echo "make lint    check style            make types   check types"
 	@echo "make bench   measure against peers  make lock    pin the dependencies anew (needs uv)"

@@ -31,15 +31,15 @@ USUAL_PORT = 7447
 PIPE_SECONDS = 60.0
 """How long the demonstration runs when nobody sits at a terminal."""
 PLAIN_S = 5.0
-START_LIMIT_S = 90.0
-"""Without a fix by then something is wrong (kernels compile at the very first start)."""
+START_LIMIT_S = 240.0
+"""Without a position by then something is wrong (kernels compile at the very first start)."""
 STOP_S = 6.0
 
 
 def run_demo(seconds: float | None, language: Language, picture: Path | None = None) -> NoReturn:
     """Run the embedded demo profile behind the live view; ends the process.
 
-    Until Ctrl-C, or for `seconds`; exit code 1 when no fix was seen. The last view is saved as
+    Until Ctrl-C, or for `seconds`; exit code 1 when no position was seen. The last view is saved as
     `picture` (SVG).
     """
     console = Console()
@@ -54,9 +54,9 @@ def run_demo(seconds: float | None, language: Language, picture: Path | None = N
         "KIROTEI__BUS__CONNECT": json.dumps([endpoint]),
         "KIROTEI__LOG__FORMAT": "text",
     }
-    console.print(f"Starting router, simulator and GNSS correction at {endpoint}; their log: {log}", soft_wrap=True)
+    console.print(f"Starting router, simulated train and its services at {endpoint}; their log: {log}", soft_wrap=True)
     if not any(Path(os.environ["NUMBA_CACHE_DIR"]).iterdir()):
-        console.print("The first start compiles the numerical kernels: about half a minute, once.")
+        console.print("The first start compiles the numerical kernels: about a minute, once.")
     with log.open("wb") as output:
         up = subprocess.Popen(
             [sys.executable, "-m", "services.cli", "up"],
@@ -131,7 +131,7 @@ async def _show(
     console.print(render(view, now_s, language))
     if picture is not None:
         save_picture(render(view, now_s, language), "kirotei demo", picture)
-    heard = any(row.fix is not None for device in view.devices.values() for row in device.methods.values())
+    heard = _heard(view)
     if heard:
         console.print("Do it by hand: `kirotei up` in one terminal, `kirotei watch` in another.", markup=False)
     return 0 if heard else 1
@@ -146,20 +146,20 @@ async def _draw(
     seconds: float | None,
     language: Language,
 ) -> None:
-    """Draw until stopped, until `seconds` after the first fix, or until it is plain that none will come."""
+    """Draw until stopped, until `seconds` after the first position, or until it is plain that none will come."""
     started_s = node.clock.monotonic_s()
-    first_fix_s: float | None = None
+    first_s: float | None = None
     live = Live(console=console, screen=True, auto_refresh=False) if console.is_terminal else None
     drawn_s = started_s
     with live or nullcontext():
         while not stop.is_set() and up.poll() is None:
             await node.sleep(DRAW_S)
             now_s = node.clock.monotonic_s()
-            if first_fix_s is None and any(device.methods for device in view.devices.values()):
-                first_fix_s = now_s
-            if first_fix_s is None and now_s - started_s > START_LIMIT_S:
+            if first_s is None and _heard(view):
+                first_s = now_s
+            if first_s is None and now_s - started_s > START_LIMIT_S:
                 return
-            if first_fix_s is not None and seconds is not None and now_s - first_fix_s >= seconds:
+            if first_s is not None and seconds is not None and now_s - first_s >= seconds:
                 return
             if live is not None:
                 live.update(render(view, now_s, language), refresh=True)
@@ -167,3 +167,8 @@ async def _draw(
                 drawn_s = now_s
                 for line in plain_lines(view, now_s, language):
                     console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def _heard(view: WatchState) -> bool:
+    """Whether some train has told a place."""
+    return any(train.position is not None and train.position.axis_m is not None for train in view.trains.values())

@@ -1,4 +1,4 @@
-"""`kirotei demo`: a simulated train in a street canyon, seen live."""
+"""`kirotei demo`: a simulated train on its line, seen live."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ def demo(
     *,
     seconds: Annotated[
         float | None,
-        typer.Option(min=1.0, help="End after this long with fixes; else at Ctrl-C (a minute when piped)."),
+        typer.Option(min=1.0, help="End after this long with positions; else at Ctrl-C (a minute when piped)."),
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="Save the last view as this SVG file.")] = None,
     lang: Annotated[str, typer.Option(help="en or ja.")] = "en",
 ) -> None:
-    """Watch a simulated train drive through a street canyon: raw, removed and adjusted fixes against the truth.
+    """Watch a simulated train run its line: its place and bounds by every source, against the truth.
 
     Example: kirotei demo --seconds 30
     """

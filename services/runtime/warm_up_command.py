@@ -18,7 +18,7 @@ def warm_up(
 ) -> None:
     """Compile the numerical kernels into the state folder, so that the first start is as quick as the next.
 
-    Installation does this; after an update it takes about half a minute. Example: kirotei warm-up
+    Installation does this; after an update it takes about a minute. Example: kirotei warm-up
     """
     from tempfile import TemporaryDirectory
     from typing import get_args
@@ -49,4 +49,33 @@ def warm_up(
         for method in get_args(Method):
             settings = Config(method=method, compare=(), line_file=str(folder / "track_centreline.csv"))
             solve_file(folder / "rover.obs", [folder / "nav.rnx"], settings, folder / "fixes.csv")
+    _warm_up_motion()
     typer.echo("Done: services start without compiling.")
+
+
+def _warm_up_motion() -> None:
+    """Compile what a whole train's simulation, odometry and landmarks need."""
+    from tempfile import TemporaryDirectory
+    from typing import get_args
+
+    from schemas.motion import OdometryMethod
+    from services.landmark_matching.line_landmarks import line_landmarks
+    from services.landmark_matching.profile_walk import warm_up as warm_up_landmarks
+    from services.line.line_file import load_line
+    from services.odometry_fusion.methods import run_log
+    from services.odometry_fusion.motion_log_file import read_motion_log
+    from services.odometry_fusion.settings import Config
+    from services.simulator.scenario_file import read_any_scenario
+    from services.simulator.train_scenario import TrainScenario
+    from services.simulator.train_simulation_file import write_train_simulation
+
+    scenario = read_any_scenario("demo_line")
+    if not isinstance(scenario, TrainScenario):
+        raise TypeError(scenario)
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        write_train_simulation(scenario, folder, duration_s=SECONDS)
+        log = read_motion_log(folder).log
+    for method in get_args(OdometryMethod):
+        run_log(log, Config(method=method))
+    warm_up_landmarks(line_landmarks(load_line(Path("demo")).line, None).routes)
