@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated
 
 import msgspec
@@ -40,7 +41,7 @@ class CodeTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         if not codes or not self.carriers_hz:
             msg = "a code table needs carriers_hz and codes"
             raise ValueError(msg)
-        if any(b - a < 2.0 * self.code_tolerance_hz for a, b in zip(codes, codes[1:], strict=False)):
+        if any(b - a < 2.0 * self.code_tolerance_hz for a, b in pairwise(codes)):
             msg = f"codes stand closer than twice code_tolerance_hz ({self.code_tolerance_hz:g} Hz)"
             raise ValueError(msg)
 

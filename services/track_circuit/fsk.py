@@ -39,11 +39,14 @@ MARGIN_DB = 3.0
 """Least distance of the next likely code."""
 
 
+State = Literal["good", "no_signal", "unknown_code", "doubtful"]
+
+
 @dataclass(frozen=True, slots=True)
 class Coded:
     """What stands around one carrier in one window."""
 
-    state: Literal["good", "no_signal", "unknown_code", "doubtful"]
+    state: State
     carrier_hz: float | None = None
     code_hz: float | None = None
     """By the table where it is known, as measured where not."""
@@ -133,7 +136,7 @@ def _fit(band: NDArray[np.complex128], offsets_hz: NDArray[np.float64], code_hz:
 
 def _noise(band: NDArray[np.complex128]) -> float:
     """Power of noise at one place of the grid: from the median, which lines hardly move."""
-    return float(np.median(np.abs(band) ** 2)) / np.log(2.0) + 1e-24
+    return float(np.median(np.abs(band) ** 2) / np.log(2.0)) + 1e-24
 
 
 def decode(samples: NDArray[np.float64], sample_rate_hz: float, carrier_hz: float, table: CodeTable) -> Coded:
@@ -167,24 +170,35 @@ def _refined(band: NDArray[np.complex128], coarse: _Fit, shift_hz: float) -> _Fi
     return max(near, key=lambda one: one.power)
 
 
-def _judged(
-    best: _Fit, noise: float, margin_db: float, level_db: float, nominal_hz: float, table: CodeTable
-) -> Coded:
+def _judged(best: _Fit, noise: float, margin_db: float, level_db: float, nominal_hz: float, table: CodeTable) -> Coded:
     carrier_hz = nominal_hz + best.offset_hz
     code = min(table.codes, key=lambda one: abs(one.hz - best.code_hz))
-    found = {"carrier_hz": round(float(carrier_hz), 2), "level_db": level_db, "margin_db": margin_db}
     measured = round(float(best.code_hz), 2)
-    if best.beside < CODED * noise or best.likeness < LIKENESS:
-        reason = "a tone without code" if best.beside < CODED * noise else "lines that no code explains"
-        return Coded("doubtful", reason=reason, **found)
-    if abs(code.hz - best.code_hz) > table.code_tolerance_hz + GRID_HZ / 2.0:
-        return Coded("unknown_code", code_hz=measured, measured_hz=measured, reason="not in the code table", **found)
-    wanted = min(table.carrier_offsets_hz, key=lambda one: abs(one - best.offset_hz))
-    if abs(wanted - best.offset_hz) > table.carrier_tolerance_hz + GRID_HZ / 2.0:
-        return Coded("doubtful", code_hz=code.hz, measured_hz=measured, reason="carrier off the table", **found)
-    if margin_db < MARGIN_DB:
-        return Coded("doubtful", code_hz=code.hz, measured_hz=measured, reason="another code is as likely", **found)
-    return Coded("good", code_hz=code.hz, measured_hz=measured, **found)
+    state, reason = _state(best, noise, margin_db, abs(code.hz - best.code_hz), table)
+    told_hz = None if best.beside < CODED * noise else measured if state == "unknown_code" else code.hz
+    return Coded(
+        state,
+        carrier_hz=round(float(carrier_hz), 2),
+        code_hz=told_hz,
+        measured_hz=measured,
+        level_db=level_db,
+        margin_db=margin_db,
+        reason=reason,
+    )
+
+
+def _state(best: _Fit, noise: float, margin_db: float, distance_hz: float, table: CodeTable) -> tuple[State, str]:
+    """The state, and what kept it from `good`. Half a grid step is allowed for rounding."""
+    if best.beside < CODED * noise:
+        return "doubtful", "a tone without code"
+    if best.likeness < LIKENESS:
+        return "doubtful", "lines that no code explains"
+    if distance_hz > table.code_tolerance_hz + GRID_HZ / 2.0:
+        return "unknown_code", "not in the code table"
+    off_hz = min(abs(one - best.offset_hz) for one in table.carrier_offsets_hz)
+    if off_hz > table.carrier_tolerance_hz + GRID_HZ / 2.0:
+        return "doubtful", "carrier off the table"
+    return ("doubtful", "another code is as likely") if margin_db < MARGIN_DB else ("good", "")
 
 
 def strongest(found: list[Coded]) -> Coded:

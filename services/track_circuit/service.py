@@ -20,7 +20,7 @@ async def run(node: Node, config: Config) -> None:
     arrivals = node.arrivals(TRACK_SAMPLES)
     node.ready()
     async for arrival in arrivals:
-        if not config.circuits or arrival.fields["circuit"] in config.circuits:
+        if not config.circuits or arrival.fields["circuit"] in {one.name for one in config.circuits}:
             node.health.count("blocks")
 
 

@@ -7,7 +7,8 @@ Taken are real samples (`ri16_le`, `ri32_le`, `ri8`, `rf32_le`), one channel or 
 from __future__ import annotations
 
 import hashlib
-from datetime import datetime, timezone
+from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,8 +67,8 @@ def _time_ns(path: Path, text: object) -> int:
     except ValueError as error:
         msg = f"{path}: core:datetime: {text!r} is no ISO 8601 time"
         raise SampleError(msg) from error
-    aware = when if when.tzinfo else when.replace(tzinfo=timezone.utc)
-    return round((aware - datetime(1970, 1, 1, tzinfo=timezone.utc)).total_seconds() * 1e6) * 1000
+    aware = when if when.tzinfo else when.replace(tzinfo=UTC)
+    return round((aware - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds() * 1e6) * 1000
 
 
 def _stretches(meta: Path, captures: list[dict[str, Any]], count: int, offset: int, rate_hz: float) -> list[Stretch]:
@@ -83,7 +84,7 @@ def _stretches(meta: Path, captures: list[dict[str, Any]], count: int, offset: i
         starts.append((begin, index, None if when is None else _time_ns(meta, when)))
     if starts[0][0] > 0:
         starts.insert(0, (0, starts[0][1] - starts[0][0], None))
-    if any(b[0] <= a[0] or b[1] < a[1] for a, b in zip(starts, starts[1:], strict=False)) or starts[0][0] < 0:
+    if any(b[0] <= a[0] or b[1] < a[1] for a, b in pairwise(starts)) or starts[0][0] < 0:
         msg = f"{meta}: captures: core:sample_start must rise from capture to capture"
         raise SampleError(msg)
     found: list[Stretch] = []

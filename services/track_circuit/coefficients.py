@@ -1,0 +1,159 @@
+"""Stored coefficients: which set fits a circuit and a place, and how sets come and go."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.track_circuit import CoefficientStore, StoredCoefficients
+from services.track_circuit.profile import Profile
+from services.track_circuit.receiver import Demodulation, StoredTaps
+
+WORST_EVM_DB = -6.0
+"""A trial run with more error than this teaches nothing: about one decision in fifty was wrong."""
+FEWEST_SYMBOLS = 128
+DRIFT_LIMIT = 0.5
+"""Taps that moved further from the stored ones, relative to their size, belong to another circuit or a defect."""
+BIN_M = 100.0
+"""Length of the stretches in which the response of a circuit is taken for one and the same, on board."""
+
+
+class TrainingError(ValueError):
+    """A trial run from which nothing can be learned; the message says why."""
+
+
+def profile_digest(profile: Profile) -> str:
+    """Digest of everything in a profile that coefficients depend on; pilot bits and framing are not part of it."""
+    relevant = (
+        profile.scheme,
+        profile.carrier_hz,
+        profile.chip_rate_hz,
+        profile.code_length,
+        profile.ch1_row,
+        profile.ch2_row,
+        profile.ch2_amplitude,
+        profile.pulse,
+        profile.roll_off if profile.pulse != "rectangular" else None,
+        profile.qam_order if profile.scheme == "cdma-qam" else None,
+    )
+    return hashlib.sha256(msgspec.json.encode(relevant)).hexdigest()[:16]
+
+
+def distance_bin(distance_m: float) -> tuple[float, float]:
+    """Stretch of a circuit in which a distance from its sending end lies.
+
+    >>> distance_bin(250.0)
+    (200.0, 300.0)
+    """
+    begin = float(np.floor(distance_m / BIN_M)) * BIN_M
+    return begin, begin + BIN_M
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A set, or why there is none."""
+
+    chosen: StoredCoefficients | None
+    reason: str = ""
+
+
+def choose(
+    store: CoefficientStore, circuit: str, profile: Profile, receiver: str, distance_m: float | None = None
+) -> Choice:
+    """The set of a circuit for a receiver; on board the one of the train's stretch, else that of the whole circuit.
+
+    Sets learned with another profile or for another receiver are refused, with the reason.
+    """
+    own = [one for one in store.sets if one.circuit == circuit]
+    if not own:
+        return Choice(None, f"no coefficients are stored for circuit {circuit}")
+    digest = profile_digest(profile)
+    fitting = [one for one in own if one.profile_digest == digest]
+    if not fitting:
+        return Choice(None, f"the coefficients of circuit {circuit} were learned with another profile")
+    fitting = [one for one in fitting if one.receiver == receiver]
+    if not fitting:
+        others = ", ".join(sorted({one.receiver for one in own}))
+        return Choice(None, f"the coefficients of circuit {circuit} belong to receiver {others}, not to {receiver}")
+    if distance_m is not None:
+        here = [one for one in fitting if one.distance_bin_m and _within(distance_m, one.distance_bin_m)]
+        if here:
+            return Choice(max(here, key=lambda one: one.version))
+    whole = [one for one in fitting if one.distance_bin_m is None]
+    if not whole:
+        return Choice(None, f"no coefficients of circuit {circuit} for this stretch")
+    return Choice(max(whole, key=lambda one: one.version))
+
+
+def _within(distance_m: float, stretch: tuple[float, float]) -> bool:
+    return stretch[0] <= distance_m < stretch[1]
+
+
+def learned(
+    found: Demodulation,
+    profile: Profile,
+    circuit: str,
+    day: str,
+    weather: str = "",
+    distance_bin_m: tuple[float, float] | None = None,
+) -> StoredCoefficients:
+    """Coefficients out of a trial run. Raises TrainingError for one that was too short or too poor."""
+    if found.refused or not len(found.bit):
+        raise TrainingError(found.refused or "nothing was received")
+    if len(found.bit) < FEWEST_SYMBOLS:
+        msg = f"{len(found.bit)} symbols are too few to learn from ({FEWEST_SYMBOLS} are needed)"
+        raise TrainingError(msg)
+    evm_db = float(np.median(found.evm_db))
+    if evm_db > WORST_EVM_DB:
+        msg = f"the error vector magnitude, {evm_db:.1f} dB, is above {WORST_EVM_DB:g} dB: nothing can be learned"
+        raise TrainingError(msg)
+    taps = found.taps.ravel()
+    return StoredCoefficients(
+        circuit=circuit,
+        distance_bin_m=distance_bin_m,
+        receiver=found.receiver,
+        profile_digest=profile_digest(profile),
+        trained=day,
+        weather=weather,
+        taps=tuple((float(tap.real), float(tap.imag)) for tap in taps),
+        level_db=float(np.median(found.level_db)),
+        mse=float(10.0 ** (evm_db / 10.0)),
+        symbols=len(found.bit),
+    )
+
+
+def with_set(store: CoefficientStore, new: StoredCoefficients) -> tuple[CoefficientStore, StoredCoefficients]:
+    """The store with a newly learned set in the place of the one before, its version counted up."""
+
+    def same(one: StoredCoefficients) -> bool:
+        return (one.circuit, one.distance_bin_m, one.receiver) == (new.circuit, new.distance_bin_m, new.receiver)
+
+    version = 1 + max((one.version for one in store.sets if same(one)), default=0)
+    numbered = msgspec.structs.replace(new, version=version)
+    others = tuple(one for one in store.sets if not same(one))
+    order = sorted((*others, numbered), key=lambda one: (one.circuit, one.receiver, one.distance_bin_m or (-1.0, 0.0)))
+    return CoefficientStore(sets=tuple(order)), numbered
+
+
+def taps_of(stored: StoredCoefficients) -> StoredTaps:
+    """A stored set as receivers begin with it."""
+    taps = np.array([complex(*pair) for pair in stored.taps], np.complex128)
+    return StoredTaps(receiver=stored.receiver, taps=taps, mse=stored.mse, symbols=stored.symbols)
+
+
+def drift(taps: NDArray[np.complex128], stored: StoredCoefficients) -> float | None:
+    """Distance of taps from the stored ones after the best common gain and phase, relative to their size, 0 … 1.
+
+    Level and carrier phase are others every day and say nothing of the circuit. None when they cannot be compared.
+    """
+    wanted = taps_of(stored).taps
+    found = np.asarray(taps, np.complex128).ravel()
+    sizes = float(np.linalg.norm(found) * np.linalg.norm(wanted))
+    if len(found) != len(wanted) or sizes <= 0.0:
+        return None
+    likeness = abs(complex(np.vdot(found, wanted))) / sizes
+    return float(np.sqrt(max(0.0, 1.0 - min(likeness, 1.0) ** 2)))
