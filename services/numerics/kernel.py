@@ -21,13 +21,13 @@ def kernel(function: F) -> F:
     return cast("F", numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
-_INNER: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cpython_wrapper": True}
+_INNER: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True}
 
 
 def inner_kernel(function: F) -> F:
     """As `kernel`, for functions that only kernels call: without the door from Python, which takes long to compile.
 
-    Called from Python it raises TypeError.
+    Called from Python it raises TypeError. It is not cached by itself: the kernels that call it hold its code.
     """
     return cast("F", numba.njit(**_INNER)(function))
 
