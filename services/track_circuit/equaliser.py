@@ -6,7 +6,7 @@ training signal, and the coefficients at the smallest mean square error equalise
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,15 +23,13 @@ from services.track_circuit.walsh import code
 from services.track_circuit.warm_start import ALIGN_SYMBOLS, STEP, aligned, held
 
 Algorithm = Literal["lms", "nlms", "rls", "least-squares"]
-HALF_CHIP_TAPS = 24
-"""Of the equaliser: 12 chips, from 3 before the chip to 9 after it."""
+HALF_CHIP_TAPS = 16
+"""Of the equaliser: 8 chips, from 3 before the chip to 5 after it. More taps learn more slowly and gain nothing."""
 STRIDE = 2
 """Inputs per chip."""
 LMS_STEP, NLMS_STEP = 0.2, 0.5
 FORGETTING = 0.9995
 """Of RLS, per chip: a memory of 125 symbols of 16 chips."""
-DECISION_ROUNDS = 2
-"""Of batch least squares: with CH1 as decided, if it is not known."""
 ERROR_FLOOR = 1e-12
 
 
@@ -68,10 +66,11 @@ class LinearReceiver:
     ) -> None:
         """Begin from zero or from stored taps. Raises ReceiverRefusedError, see equaliser_guards."""
         refuse_pilot_training(profile, taps / STRIDE)
-        self.name: Final = algorithm
+        self.name: str = algorithm
+        self._algorithm = algorithm
         self._code1 = code(profile.code_length, profile.ch1_row)
         self._code2 = profile.ch2_amplitude * code(profile.code_length, profile.ch2_row)
-        self._taps = np.zeros(taps, np.complex128)
+        self._taps = np.zeros(taps if stored is None else len(stored.taps), np.complex128)
         self._stored = None if stored is None else stored.taps
         self._anchor: NDArray[np.complex128] | None = None
         self._rls: Rls | None = None
@@ -79,19 +78,17 @@ class LinearReceiver:
     def receive(self, burst: Burst) -> Reception:
         """Train on the burst's pilots (and on CH1 where known), then equalise and despread it."""
         pilot_chips = spread(burst.pilots, self._code2)
-        if burst.known is not None and np.all(burst.known != 0.0):
-            chips = pilot_chips + spread(burst.known, self._code1)
-            inputs, target = burst.samples, chips.astype(np.complex128)
-        else:
-            inputs, target = training_pair(burst.samples, pilot_chips)
+        inputs, target = training_pair(burst.samples, pilot_chips)
         if self._stored is not None and self._anchor is None:
             few = ALIGN_SYMBOLS * len(self._code1) - 1
-            self._anchor = aligned(self._stored, inputs, target[:few], STRIDE)
-            self._taps = self._anchor
-        if self.name == "least-squares":
-            error = self._batch(burst, inputs, target, pilot_chips)
-        else:
-            error = self._adapt(inputs, target)
+            self._anchor = self._taps = aligned(self._stored, inputs, target[:few], STRIDE)
+        known = burst.known is not None and bool(np.all(burst.known != 0.0))
+        if self._anchor is None and not known:
+            error = self._from_pilots(inputs, target)
+        if self._anchor is not None or known or self._algorithm in ("rls", "least-squares"):
+            decided = burst.known if known and burst.known is not None else self._decisions(burst)
+            chips = pilot_chips + spread(decided, self._code1)
+            error = self._from_chips(burst.samples, chips.astype(np.complex128))
         points = self._equalised(burst)
         curve = per_symbol_db(error, len(self._code1))
         return Reception(np.ascontiguousarray(points.real), points, evm_db(points), self._taps, curve)
@@ -100,38 +97,37 @@ class LinearReceiver:
         count = len(burst.pilots) * len(self._code1)
         return despread(windows(burst.samples, count, len(self._taps), STRIDE) @ self._taps, self._code1)
 
-    def _adapt(self, inputs: NDArray[np.complex128], target: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        found = self._run(inputs, target)
-        self._taps = found.best if self._anchor is None else held(found.taps, self._anchor)
+    def _decisions(self, burst: Burst) -> NDArray[np.float64]:
+        return np.where(self._equalised(burst).real < 0.0, -1.0, 1.0)
+
+    def _from_pilots(self, inputs: NDArray[np.complex128], target: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Training on CH2 alone, as in the paper; RLS and least squares go on with decisions, if they can decide."""
+        match self._algorithm:
+            case "lms":
+                found = lms(inputs, target, self._taps, LMS_STEP, STRIDE)
+            case "nlms":
+                found = nlms(inputs, target, self._taps, NLMS_STEP, STRIDE)
+            case _ if np.any(self._taps):
+                return target
+            case "rls":
+                found = Rls(self._taps).run(inputs, target, STRIDE)
+            case "least-squares":
+                best = least_squares(inputs, target, len(self._taps), STRIDE)
+                found = Adapted(best, best, target)
+        self._taps = found.best
         return found.error
 
-    def _run(self, inputs: NDArray[np.complex128], target: NDArray[np.complex128]) -> Adapted:
-        if self._anchor is not None and self.name != "rls":
-            return nlms(inputs, target, self._taps, STEP, STRIDE)
-        match self.name:
-            case "lms":
-                return lms(inputs, target, self._taps, LMS_STEP, STRIDE)
-            case "nlms":
-                return nlms(inputs, target, self._taps, NLMS_STEP, STRIDE)
-            case _:
-                self._rls = self._rls or Rls(self._taps, FORGETTING)
-                return self._rls.run(inputs, target, STRIDE)
-
-    def _batch(
-        self,
-        burst: Burst,
-        inputs: NDArray[np.complex128],
-        target: NDArray[np.complex128],
-        pilot_chips: NDArray[np.float64],
-    ) -> NDArray[np.complex128]:
-        """Least squares over the burst; then again with CH1 as decided."""
-        taps = len(self._taps)
-        if self._anchor is None:
-            self._taps = least_squares(inputs, target, taps, STRIDE)
-        known = burst.known is not None and bool(np.all(burst.known != 0.0))
-        for _ in range(0 if known else DECISION_ROUNDS):
-            decided = np.where(self._equalised(burst).real < 0.0, -1.0, 1.0)
-            chips = pilot_chips + spread(decided, self._code1)
-            inputs, target = burst.samples, chips.astype(np.complex128)
-            self._taps = least_squares(inputs, target, taps, STRIDE)
-        return np.asarray(target - windows(inputs, len(target), taps, STRIDE) @ self._taps, np.complex128)
+    def _from_chips(self, inputs: NDArray[np.complex128], target: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Training on both channels, CH1 as known or decided: no bias, no notch at CH1's frequency."""
+        if self._algorithm == "least-squares":
+            self._taps = least_squares(inputs, target, len(self._taps), STRIDE)
+            return np.asarray(
+                target - windows(inputs, len(target), len(self._taps), STRIDE) @ self._taps, np.complex128
+            )
+        if self._algorithm == "rls" and self._anchor is None:
+            self._rls = self._rls or Rls(np.zeros_like(self._taps), FORGETTING)
+            found = self._rls.run(inputs, target, STRIDE)
+        else:
+            found = nlms(inputs, target, self._taps, NLMS_STEP if self._anchor is None else STEP, STRIDE)
+        self._taps = found.best if self._anchor is None else held(found.taps, self._anchor)
+        return found.error

@@ -21,8 +21,9 @@ from services.track_circuit.channel_estimate import (
 )
 from services.track_circuit.modulate import spread
 from services.track_circuit.profile import Profile
-from services.track_circuit.receiver import Burst, Reception, StoredTaps
+from services.track_circuit.receiver import Burst, ReceiverRefusedError, Reception, StoredTaps
 from services.track_circuit.walsh import code
+from services.track_circuit.warm_start import ALIGN_SYMBOLS
 
 MEMORY = 0.8
 """Share of the channel estimate's sums kept from one burst to the next."""
@@ -65,7 +66,7 @@ def matched_outputs(
 ) -> NDArray[np.complex128]:
     """y_m / rho_0 for `count` symbols; `residual` and `waveform` begin at the same place before a symbol."""
     windows = np.lib.stride_tricks.sliding_window_view(residual, len(waveform))[::symbol_samples][:count]
-    return np.asarray(windows @ np.conj(waveform) / np.sum(np.abs(waveform) ** 2), np.complex128)
+    return np.asarray(windows @ np.conj(waveform) / (np.sum(np.abs(waveform) ** 2) + 1e-30), np.complex128)
 
 
 def signs(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,17 +80,30 @@ class MlseReceiver:
     name = "mlse"
 
     def __init__(self, profile: Profile, stored: StoredTaps | None = None) -> None:
-        """Begin with the stored response, or with none."""
+        """Begin with the stored response, or with none.
+
+        Raises ReceiverRefusedError when the response may last longer than a symbol: two states would not do.
+        """
+        if profile.code_length < TAPS:
+            msg = (
+                f"the code of {profile.code_length} chips is shorter than the response of {TAPS} chips that two states "
+                f"can handle: at least {1 << (TAPS - 1).bit_length()} chips are needed"
+            )
+            raise ReceiverRefusedError(msg)
         self._profile = profile
         self._code1 = code(profile.code_length, profile.ch1_row)
         self._code2 = profile.ch2_amplitude * code(profile.code_length, profile.ch2_row)
         self._sums = NormalEquations()
         self._taps = None if stored is None else stored.taps.reshape(2, TAPS)
+        self._aligned = stored is None
 
     def receive(self, burst: Burst) -> Reception:
         """Decide a burst: estimate, cancel the pilot, match, search; then once more with the decisions."""
         pilot_chips = spread(burst.pilots, self._code2)
-        taps = self._from_pilot(burst, pilot_chips) if self._taps is None else self._taps
+        if self._taps is None:
+            taps = self._from_pilot(burst, pilot_chips)
+        else:
+            taps = self._taps if self._aligned else self._with_gain(burst, pilot_chips, self._taps)
         sums, errors = self._sums, []
         soft, points = self._decide(burst, taps, pilot_chips)
         for _ in range(ROUNDS):
@@ -98,7 +112,7 @@ class MlseReceiver:
             taps = sums.solve()
             soft, points = self._decide(burst, taps, pilot_chips)
             errors.append(float(np.mean(np.abs(points - signs(soft)) ** 2)))
-        self._sums, self._taps = sums, taps
+        self._sums, self._taps, self._aligned = sums, taps, True
         error_db = 10.0 * np.log10(np.asarray(errors) + 1e-12)
         return Reception(soft, points, float(error_db[-1]), taps, error_db)
 
@@ -108,6 +122,17 @@ class MlseReceiver:
         rows = delay_and_add(rows_of(pilot_chips)).real
         sums.add(rows, delay_and_add(observed_rows(burst.samples, len(pilot_chips))))
         return sums.solve()
+
+    def _with_gain(
+        self, burst: Burst, pilot_chips: NDArray[np.float64], stored: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        """The stored response with the complex gain of the burst's first pilot bits."""
+        few = ALIGN_SYMBOLS * self._profile.code_length
+        rows = delay_and_add(rows_of(pilot_chips))[:few]
+        heard = delay_and_add(observed_rows(burst.samples, len(pilot_chips)))[: len(rows)]
+        hoped = rows @ stored.T
+        gain = np.vdot(hoped, heard) / (float(np.sum(np.abs(hoped) ** 2)) + 1e-30)
+        return np.asarray(stored * gain, np.complex128)
 
     def _with_decisions(
         self, burst: Burst, pilot_chips: NDArray[np.float64], symbols: NDArray[np.float64]
@@ -130,7 +155,7 @@ class MlseReceiver:
         length = min(len(residual), len(burst.samples), len(pilot))
         residual[:length] = burst.samples[:length] - pilot[:length]
         matched = matched_outputs(residual, waveform, symbol_samples, count)
-        energy = float(np.sum(np.abs(waveform) ** 2))
+        energy = float(np.sum(np.abs(waveform) ** 2)) + 1e-30
         overlap = np.vdot(waveform[symbol_samples:], waveform[:-symbol_samples]) / energy
         soft = sequence_soft(np.ascontiguousarray(matched.real), float(overlap.real))
         points = matched.copy()

@@ -1,186 +1,243 @@
-"""From samples to symbols: synchronise, cut into bursts, receive, follow carrier and clock."""
+"""From samples to symbols: blank impulses, seek the signal, receive burst by burst, seek anew when it is lost."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.track_circuit.channel_estimate import LEAD, TAPS
-from services.track_circuit.modulate import spread
-from services.track_circuit.profile import Profile
-from services.track_circuit.receiver import Burst, Demodulation, Receiver, StoredTaps, Synchronisation
+from services.track_circuit.blanking import without_impulses
+from services.track_circuit.profile import Profile, ProfileError
+from services.track_circuit.receiver import Demodulation, StoredTaps, Synchronisation
+from services.track_circuit.receiver_bursts import BURST_SYMBOLS, FOLLOWED_COHERENCE, GUARD_SYMBOLS, BurstChain, Piece
 from services.track_circuit.receiver_choice import receiver_named
 from services.track_circuit.signal_front_end import FrontEnd
-from services.track_circuit.synchronisation_tracking import (
-    CLOCK_GAIN,
-    DELAY_GAIN,
-    FREQUENCY_GAIN,
-    PHASE_GAIN,
-    ResponseTracker,
-    burst_response,
-)
 from services.track_circuit.synchronise import FEWEST_SYMBOLS, WINDOW_SYMBOLS, acquire
-from services.track_circuit.walsh import code
 
-BURST_SYMBOLS = 64
-GUARD_SYMBOLS = 2
-"""Symbols to either side that are received as well and not given out: their neighbours are missing."""
-CUT_SYMBOL = 0.25
-"""Share of a symbol that may be missing at the end of the samples."""
-
-
-@dataclass
-class _Place:
-    """Where the next symbol begins, on which clock and carrier."""
-
-    position: float
-    samples_per_chip: float
-    carrier_hz: float
-    phase_turns: float
-    pilot: int
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """Symbols of one burst."""
-
-    symbol: NDArray[np.int64]
-    sample: NDArray[np.float64]
-    soft: NDArray[np.float64]
-    level_db: NDArray[np.float64]
-    evm_db: float
-    carrier_hz: float
-    samples_per_chip: float
-    constellation: NDArray[np.complex128]
-    taps: NDArray[np.complex128]
-    error_db: NDArray[np.float64]
-
-
-def _level_db(taps: NDArray[np.complex128], count: int) -> NDArray[np.float64]:
-    """Power of one channel's chips behind the response: half of |baseband|^2 is the power of the real signal."""
-    power = 0.25 * float(np.sum(np.abs(taps) ** 2))
-    return np.full(count, 10.0 * np.log10(power + 1e-20))
+LOST_BURSTS = 2
+"""Bursts in a row below it, after which the signal is sought anew."""
+ABSENT = 0.3
+"""Presence below which symbols at the begin and the end of a signal are taken for silence."""
+SHORTEST_SILENCE = 3
+"""Symbols that are cut from a burst in the midst of a signal; at its very begin and end a single one is."""
 
 
 class Demodulator:
-    """Symbol by symbol through contiguous samples; `take` may be called as often as samples arrive."""
+    """Symbols out of contiguous samples, which may arrive in pieces.
+
+    `take` gives what could be decided; the first symbols need WINDOW_SYMBOLS of signal, later ones a burst and its
+    guards. `finish` decides the rest. Samples have full scale ±1.
+    """
 
     def __init__(
         self, sample_rate_hz: float, profile: Profile, receiver: str = "mlse", stored: StoredTaps | None = None
     ) -> None:
-        """Ready for the first sample. Raises as `receiver_named` and FrontEnd do."""
-        self._profile = profile
-        self._receiver: Receiver = receiver_named(receiver, profile, stored)
-        self._begin_with = (receiver, stored)
+        """Ready for the first sample. Raises as `receiver_named` and FrontEnd do, ProfileError for FSK."""
+        if profile.scheme != "ss-cdma":
+            msg = f"scheme {profile.scheme!r} is not received here but by its own module"
+            raise ProfileError(msg)
+        receiver_named(receiver, profile, stored)
+        self._profile, self._name, self._stored = profile, receiver, stored
+        self._rate_hz = sample_rate_hz
         self._front_end = FrontEnd(sample_rate_hz, profile.chip_rate_hz)
-        self._pilots = profile.pilots()
-        self._code1 = code(profile.code_length, profile.ch1_row)
-        self._code2 = profile.ch2_amplitude * code(profile.code_length, profile.ch2_row)
-        self._place: _Place | None = None
-        self._tracker = ResponseTracker()
-        self.first_sync: Synchronisation | None = None
+        self._stretch = round(sample_rate_hz / profile.symbol_rate_hz)
+        self._period = len(profile.pilots())
+        self._buffer = np.empty(0)
+        self._dropped = 0
+        """Samples that were given and are no longer kept."""
+        self._chain: BurstChain | None = None
+        self._sync: Synchronisation | None = None
+        self._last: tuple[int, float] | None = None
+        """Number and sample of the last symbol given out."""
+        self._origin: int | None = None
+        """Whole periods of the pilot in which there was only silence yet."""
+        self._poor: list[Piece] = []
+        self._losses = 0
+        self._blanked = 0
 
-    def acquire(self, samples: NDArray[np.float64], begin: int) -> bool:
-        """Seek the signal from sample `begin` on; True when found."""
-        found = acquire(samples, begin, self._profile, self._front_end)
-        if found is None:
-            return False
-        self.first_sync = self.first_sync or found
-        self._place = _Place(found.position, found.samples_per_chip, found.carrier_hz, found.phase_turns, found.pilot)
-        self._tracker = ResponseTracker()
-        name, stored = self._begin_with
-        self._receiver = receiver_named(name, self._profile, stored)
-        return True
+    def take(self, samples: NDArray[np.float64]) -> Demodulation:
+        """Symbols that these samples complete. Raises ValueError for samples that are not finite numbers in a row."""
+        fresh = np.asarray(samples, np.float64)
+        if fresh.ndim != 1 or not np.isfinite(fresh).all():
+            msg = f"samples must be one row of finite numbers, not shape {fresh.shape}"
+            raise ValueError(msg)
+        fresh, blanked = without_impulses(fresh, self._stretch)
+        self._blanked += blanked
+        self._buffer = np.concatenate([self._buffer, fresh])
+        return self._joined(self._run(last=False))
 
-    def burst(self, samples: NDArray[np.float64], symbols: int) -> tuple[Burst, int] | None:
-        """The next burst with guards where there are samples for them, and the number of guards before."""
-        place = self._place
-        if place is None:
-            return None
-        length = self._profile.code_length
-        per_symbol = place.samples_per_chip * length
-        before = min(GUARD_SYMBOLS, int(place.position / per_symbol))
-        left = int((len(samples) - place.position) / per_symbol + CUT_SYMBOL)
-        count = min(symbols + GUARD_SYMBOLS, left)
-        if count < 1:
-            return None
-        total = before + count
-        step = place.samples_per_chip / 2.0
-        start = place.position - before * per_symbol - LEAD * place.samples_per_chip
-        baseband = self._front_end.baseband(
-            samples, start, step, 2 * (LEAD + total * length + TAPS), place.carrier_hz, place.phase_turns
+    def finish(self) -> Demodulation:
+        """What is left at the end of the samples."""
+        pieces = self._run(last=True)
+        pieces += self._poor
+        self._poor = []
+        return self._joined(pieces)
+
+    def _run(self, *, last: bool) -> list[Piece]:
+        found: list[Piece] = []
+        while True:
+            if self._chain is None and not self._seek(last=last):
+                break
+            chain = self._chain
+            if chain is None:
+                break
+            left = chain.symbols_left(len(self._buffer) - (0 if last else self._front_end.reach))
+            wanted = BURST_SYMBOLS if left >= BURST_SYMBOLS + GUARD_SYMBOLS else left
+            if wanted < (1 if last else BURST_SYMBOLS):
+                break
+            found += self._judged(chain.step(self._buffer, wanted))
+        self._forget()
+        return found
+
+    def _seek(self, *, last: bool) -> bool:
+        """Look for the signal; samples in which there is none are given up."""
+        window = WINDOW_SYMBOLS * self._stretch
+        while len(self._buffer) >= window or (last and len(self._buffer)):
+            found = acquire(self._buffer, 0, self._profile, self._front_end)
+            if found is not None:
+                self._sync = self._sync or found
+                receiver = receiver_named(self._name, self._profile, self._stored)
+                self._chain = BurstChain(self._profile, self._front_end, receiver, self._renumbered(found))
+                return True
+            self._drop(min(len(self._buffer), window // 2))
+        return False
+
+    def _renumbered(self, found: Synchronisation) -> Synchronisation:
+        """Pilot numbers that go on from the last symbol over a loss, by the time that passed."""
+        if self._last is None:
+            return found
+        symbol, sample = self._last
+        at = found.position + self._dropped
+        expected = symbol + (at - sample) / (found.samples_per_chip * self._profile.code_length)
+        periods = max(0, round((expected - found.pilot) / self._period))
+        return Synchronisation(
+            position=found.position,
+            samples_per_chip=found.samples_per_chip,
+            carrier_hz=found.carrier_hz,
+            phase_turns=found.phase_turns,
+            pilot=found.pilot + periods * self._period,
+            quality=found.quality,
         )
-        index = (place.pilot - before + np.arange(total)) % len(self._pilots)
-        return Burst(baseband, self._pilots[index]), before
 
-    def step(self, samples: NDArray[np.float64], symbols: int = BURST_SYMBOLS) -> _Piece | None:
-        """Receive the next burst and move on; None at the end of the samples."""
-        cut = self.burst(samples, symbols)
-        place = self._place
-        if cut is None or place is None:
-            return None
-        burst, before = cut
-        given = min(symbols, len(burst.pilots) - before)
-        reception = self._receiver.receive(burst)
-        inner = slice(before, before + given)
-        decided = np.where(reception.soft < 0.0, -1.0, 1.0)
-        chips = spread(burst.pilots, self._code2) + spread(decided, self._code1)
-        taps = burst_response(burst.samples, chips)
-        per_symbol = place.samples_per_chip * self._profile.code_length
-        piece = _Piece(
-            symbol=place.pilot + np.arange(given),
-            sample=place.position + per_symbol * np.arange(given, dtype=np.float64),
-            soft=reception.soft[inner],
-            level_db=_level_db(taps, given),
-            evm_db=reception.evm_db,
-            carrier_hz=place.carrier_hz,
-            samples_per_chip=place.samples_per_chip,
-            constellation=reception.constellation[inner],
-            taps=reception.taps,
-            error_db=reception.error_db,
+    def _judged(self, piece: Piece) -> list[Piece]:
+        """What to give out: a poor burst waits for its successor; two of them end the chain."""
+        shifted = self._absolute(piece)
+        if piece.coherence >= FOLLOWED_COHERENCE:
+            given = [*self._poor, shifted]
+            self._poor = []
+            self._last = int(shifted.symbol[-1]), float(shifted.sample[-1])
+            return given
+        self._poor.append(shifted)
+        if len(self._poor) < LOST_BURSTS:
+            return []
+        begin = self._poor[0].sample[0] - self._dropped
+        self._drop(int(min(max(begin, 0.0) + self._stretch * BURST_SYMBOLS // 2, len(self._buffer))))
+        self._poor, self._chain = [], None
+        self._losses += 1
+        return []
+
+    def _absolute(self, piece: Piece) -> Piece:
+        return Piece(
+            piece.symbol,
+            piece.sample + self._dropped,
+            piece.soft,
+            piece.presence,
+            piece.coherence,
+            piece.level_db,
+            piece.reception,
+            piece.constellation,
+            piece.carrier_hz,
+            piece.samples_per_chip,
+            piece.tones_hz,
         )
-        self._move(place, taps, given)
-        return piece
 
-    def _move(self, place: _Place, taps: NDArray[np.complex128], given: int) -> None:
-        """Correct clock and carrier, and go to the next burst."""
-        drift = self._tracker.step(taps)
-        seconds = given / self._profile.symbol_rate_hz
-        rate = self._front_end.sample_rate_hz
-        per_symbol = place.samples_per_chip * self._profile.code_length
-        place.position += given * per_symbol + DELAY_GAIN * drift.delay_chips * place.samples_per_chip
-        place.samples_per_chip *= 1.0 + CLOCK_GAIN * drift.delay_chips / (given * self._profile.code_length)
-        change_hz = FREQUENCY_GAIN * drift.phase_turns / seconds
-        # The phase is kept at the new position, although it is counted from sample 0.
-        place.phase_turns += PHASE_GAIN * drift.phase_turns - change_hz * place.position / rate
-        place.phase_turns %= 1.0
-        place.carrier_hz += change_hz
-        place.pilot += given
+    def _drop(self, count: int) -> None:
+        self._buffer = self._buffer[count:]
+        self._dropped += count
+        if self._chain is not None:
+            self._chain.place.rebase(count, self._rate_hz)
+
+    def _forget(self) -> None:
+        """Keep no more than a burst's guards, the filter's reach and poor bursts need."""
+        if self._chain is None:
+            return
+        keep = self._stretch * (GUARD_SYMBOLS + 2 + BURST_SYMBOLS * len(self._poor)) + self._front_end.reach
+        count = int(self._chain.place.position) - keep
+        if count > 0:
+            self._drop(count)
+
+    def _joined(self, pieces: list[Piece]) -> Demodulation:
+        first = self._origin is None
+        trimmed = [
+            (piece, _present(piece, 1 if first and k == 0 else SHORTEST_SILENCE)) for k, piece in enumerate(pieces)
+        ]
+        parts = [(piece, keep) for piece, keep in trimmed if keep.any()]
+        if not parts:
+            return self._nothing()
+        counts = [int(keep.sum()) for _, keep in parts]
+        soft = np.concatenate([piece.soft[keep] for piece, keep in parts])
+        symbol = np.concatenate([piece.symbol[keep] for piece, keep in parts])
+        if self._origin is None:
+            self._origin = int(symbol[0]) // self._period * self._period
+        nominal = self._rate_hz / self._profile.chip_rate_hz
+        tones = {round(tone, 1) for piece, _ in parts for tone in piece.tones_hz}
+        return Demodulation(
+            symbol=symbol - self._origin,
+            sample=np.concatenate([piece.sample[keep] for piece, keep in parts]),
+            bit=(soft < 0.0).astype(np.int8),
+            soft=soft,
+            level_db=np.repeat([piece.level_db for piece, _ in parts], counts),
+            evm_db=np.repeat([piece.reception.evm_db for piece, _ in parts], counts),
+            carrier_offset_hz=np.repeat([piece.carrier_hz - self._profile.carrier_hz for piece, _ in parts], counts),
+            clock_offset_ppm=np.repeat([(nominal / piece.samples_per_chip - 1.0) * 1e6 for piece, _ in parts], counts),
+            receiver=self._name,
+            taps=parts[-1][0].reception.taps,
+            error_db=np.concatenate([piece.reception.error_db for piece, _ in parts]),
+            constellation=np.concatenate([piece.constellation[keep] for piece, keep in parts]),
+            sync=self._sync,
+            losses=self._losses,
+            blanked=self._blanked,
+            lines_hz=tuple(sorted(tones)),
+        )
+
+    def _nothing(self) -> Demodulation:
+        none = np.empty(0)
+        where = f"CH2 on row {self._profile.ch2_row} near {self._profile.carrier_hz:g} Hz"
+        return Demodulation(
+            symbol=none.astype(np.int64),
+            sample=none,
+            bit=none.astype(np.int8),
+            soft=none,
+            level_db=none,
+            evm_db=none,
+            carrier_offset_hz=none,
+            clock_offset_ppm=none,
+            receiver=self._name,
+            taps=none.astype(np.complex128),
+            error_db=none,
+            constellation=none.astype(np.complex128),
+            sync=self._sync,
+            refused="" if self._sync else f"no signal with {where} ({FEWEST_SYMBOLS} symbols are needed)",
+            losses=self._losses,
+            blanked=self._blanked,
+        )
 
 
-def _joined(
-    pieces: list[_Piece], demodulator: Demodulator, profile: Profile, rate_hz: float, name: str
-) -> Demodulation:
-    nominal = rate_hz / profile.chip_rate_hz
-    counts = [len(piece.symbol) for piece in pieces]
-    soft = np.concatenate([piece.soft for piece in pieces])
-    return Demodulation(
-        symbol=np.concatenate([piece.symbol for piece in pieces]),
-        sample=np.concatenate([piece.sample for piece in pieces]),
-        bit=(soft < 0.0).astype(np.int8),
-        soft=soft,
-        level_db=np.concatenate([piece.level_db for piece in pieces]),
-        evm_db=np.repeat([piece.evm_db for piece in pieces], counts),
-        carrier_offset_hz=np.repeat([piece.carrier_hz - profile.carrier_hz for piece in pieces], counts),
-        clock_offset_ppm=np.repeat([(nominal / piece.samples_per_chip - 1.0) * 1e6 for piece in pieces], counts),
-        receiver=name,
-        taps=pieces[-1].taps,
-        error_db=np.concatenate([piece.error_db for piece in pieces]),
-        constellation=np.concatenate([piece.constellation for piece in pieces]),
-        sync=demodulator.first_sync,
-    )
+def _present(piece: Piece, shortest: int) -> NDArray[np.bool_]:
+    """Symbols of a piece without silence at its begin and its end; none of a piece without signal.
+
+    The stretch with the greatest sum of presence above ABSENT; what is cut has at least `shortest` symbols.
+    """
+    keep = np.zeros(len(piece.soft), np.bool_)
+    if not piece.coherence >= FOLLOWED_COHERENCE:
+        return keep
+    total = np.concatenate([[0.0], np.cumsum(piece.presence - ABSENT)])
+    lowest = np.minimum.accumulate(total)
+    end = int(np.argmax(total - lowest))
+    begin = int(np.flatnonzero(total[: end + 1] == lowest[end])[-1])
+    begin = begin if begin >= shortest else 0
+    end = end if len(keep) - end >= shortest else len(keep)
+    keep[begin:end] = True
+    return keep
 
 
 def demodulate(
@@ -196,35 +253,36 @@ def demodulate(
     without signal gives an empty result whose `refused` says so.
     """
     demodulator = Demodulator(sample_rate_hz, profile, receiver, stored)
-    source = np.ascontiguousarray(samples, np.float64)
-    window = int(WINDOW_SYMBOLS * profile.code_length * sample_rate_hz / profile.chip_rate_hz)
-    begin, pieces = 0, []
-    while begin < len(source) and not demodulator.acquire(source, begin):
-        begin += window // 2
-    while (piece := demodulator.step(source)) is not None:
-        pieces.append(piece)
-    if not pieces:
-        return _nothing(receiver, profile)
-    return _joined(pieces, demodulator, profile, sample_rate_hz, receiver)
+    parts = [part for part in (demodulator.take(samples), demodulator.finish()) if len(part.bit)]
+    if len(parts) < 2:  # noqa: PLR2004 - nothing to join
+        return parts[0] if parts else demodulator.finish()
+    return joined(parts)
 
 
-def _nothing(receiver: str, profile: Profile) -> Demodulation:
-    none = np.empty(0)
-    where = f"CH2 on row {profile.ch2_row} near {profile.carrier_hz:g} Hz"
-    reason = f"no signal with {where} ({FEWEST_SYMBOLS} symbols are needed)"
+def joined(parts: list[Demodulation]) -> Demodulation:
+    """Results of one Demodulator in their order as one, with symbol numbers from the first period on."""
+    last = parts[-1]
+    arrays = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in (
+            "symbol",
+            "sample",
+            "bit",
+            "soft",
+            "level_db",
+            "evm_db",
+            "carrier_offset_hz",
+            "clock_offset_ppm",
+            "error_db",
+            "constellation",
+        )
+    }
     return Demodulation(
-        symbol=none.astype(np.int64),
-        sample=none,
-        bit=none.astype(np.int8),
-        soft=none,
-        level_db=none,
-        evm_db=none,
-        carrier_offset_hz=none,
-        clock_offset_ppm=none,
-        receiver=receiver,
-        taps=none.astype(np.complex128),
-        error_db=none,
-        constellation=none.astype(np.complex128),
-        sync=None,
-        refused=reason,
+        **arrays,
+        receiver=last.receiver,
+        taps=last.taps,
+        sync=last.sync,
+        losses=last.losses,
+        blanked=last.blanked,
+        lines_hz=tuple(sorted({line for part in parts for line in part.lines_hz})),
     )

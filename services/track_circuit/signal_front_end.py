@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.numerics.kernel import kernel
+from services.numerics.kernel import summing_kernel
 from services.track_circuit.modulate import root_raised_cosine
 
 ROLL_OFF = 0.25
@@ -16,7 +16,7 @@ PHASES = 512
 """Positions between two input samples at which the low-pass is kept; rounding to them leaves errors below -60 dB."""
 
 
-@kernel
+@summing_kernel
 def _mix_and_filter(
     samples: NDArray[np.float64],
     table: NDArray[np.float64],

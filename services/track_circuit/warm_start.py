@@ -39,7 +39,7 @@ def aligned(
         output = windows(inputs, len(target), len(taps), stride) @ taps
         power = float(np.sum(np.abs(output) ** 2)) + 1e-30
         gain = np.vdot(output, target) / power
-        left = energy - abs(gain) ** 2 * power
+        left = energy - float(abs(gain)) ** 2 * power
         # Without a shift nothing is lost at the ends: another place must be better by more than chance.
         if left < least * (1.0 if shift == 0 else 0.8) or (shift == 0 and left < least * 1.25):
             best, least = taps * gain, left

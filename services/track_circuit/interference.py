@@ -1,0 +1,109 @@
+"""Foreign tones (inverter lines, harmonics of the mains) found in the averaged spectrum and subtracted."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+SIZE: Final = 8192
+"""Points of the spectrum; a burst is padded to them."""
+NEIGHBOURHOOD: Final = 129
+"""Bins over which the median around a line is taken."""
+FIRST_RATIO: Final = 30.0
+"""Power of a line over that median, which no bin of one spectrum of noise reaches."""
+LAST_RATIO: Final = 4.0
+"""The same for the average of many spectra."""
+THINNED: Final = 16
+"""Bins for which one median serves."""
+EARLY: Final = (1, 2, 4)
+"""Bursts after which tones are sought at the start."""
+SELDOM: Final = 8
+"""Bursts between searches later on: tones stay, searching costs as much as receiving."""
+FADE: Final = 0.9
+"""Share of the averaged spectrum kept from burst to burst."""
+MOST_TONES: Final = 24
+MAINS_HZ: Final = (50.0, 60.0)
+MAINS_TOLERANCE_HZ: Final = 0.5
+MAINS_STEP_HZ: Final = 0.002
+"""Search step of the mains frequency: half a hertz at the 250th harmonic."""
+COMB_SIGMAS: Final = 8.0
+"""Excess of the harmonics' mean over its expectation, in standard deviations, that makes a comb."""
+RELATIVE_LIMIT: Final = 30.0
+"""Power over the median at which one line's vote for a comb is cut, so that a single tone makes none."""
+
+
+class ToneFinder:
+    """Averages the spectra of bursts and names the tones that stand out, and the mains comb."""
+
+    def __init__(self, sample_rate_hz: float) -> None:
+        """Nothing heard yet."""
+        self._rate_hz = sample_rate_hz
+        self._power = np.zeros(SIZE)
+        self._weight = 0.0
+        self._bursts = 0
+        self._found = np.empty(0)
+
+    def take(self, samples: NDArray[np.complex128]) -> None:
+        """Add a burst (at least a few hundred samples; what exceeds SIZE is left out)."""
+        part = samples[:SIZE]
+        spectrum = np.abs(np.fft.fft(part * np.blackman(len(part)), SIZE)) ** 2
+        self._power = FADE * self._power + spectrum
+        self._weight = FADE * self._weight + 1.0
+        self._bursts += 1
+
+    def tones(self, carrier_hz: float) -> NDArray[np.float64]:
+        """Frequencies relative to the carrier in cycles per sample: the mains comb, then lines, strongest first."""
+        if self._bursts in EARLY or self._bursts % SELDOM == 0:
+            self._found = self._search(carrier_hz)
+        return self._found
+
+    def _search(self, carrier_hz: float) -> NDArray[np.float64]:
+        if self._weight == 0.0:
+            return np.empty(0)
+        around = np.pad(self._power, NEIGHBOURHOOD // 2, "wrap")
+        median = np.median(np.lib.stride_tricks.sliding_window_view(around, NEIGHBOURHOOD)[::THINNED], axis=1)
+        relative = self._power / (np.repeat(median, THINNED)[:SIZE] + 1e-30)
+        comb = self._comb(np.minimum(relative, RELATIVE_LIMIT), carrier_hz)
+        lines = self._lines(relative)
+        if len(comb) and len(lines):
+            apart = np.min(np.abs(lines[:, None] - comb[None, :]), axis=1)
+            lines = lines[apart > 4.0 / SIZE]
+        return np.concatenate([comb, lines])
+
+    def _lines(self, relative: NDArray[np.float64]) -> NDArray[np.float64]:
+        power, before, after = self._power, np.roll(self._power, 1), np.roll(self._power, -1)
+        ratio = LAST_RATIO + (FIRST_RATIO - LAST_RATIO) / self._weight
+        lines = np.flatnonzero((relative > ratio) & (power > before) & (power >= after))
+        lines = lines[np.argsort(power[lines])[::-1]][:MOST_TONES]
+        left, middle, right = (np.log(part[lines] + 1e-300) for part in (before, power, after))
+        shift = 0.5 * (left - right) / (left - 2.0 * middle + right - 1e-12)
+        return np.asarray(((lines + shift) / SIZE + 0.5) % 1.0 - 0.5, np.float64)
+
+    def _comb(self, relative: NDArray[np.float64], carrier_hz: float) -> NDArray[np.float64]:
+        """Harmonics of the mains within the band, if they stand out together."""
+        half = 0.5 * self._rate_hz
+        for nominal in MAINS_HZ:
+            order = np.arange(np.ceil((carrier_hz - half) / nominal), np.floor((carrier_hz + half) / nominal) + 1)
+            order = order[order > 0]
+            grid = nominal + np.arange(-MAINS_TOLERANCE_HZ, MAINS_TOLERANCE_HZ, MAINS_STEP_HZ)
+            place = (grid[:, None] * order - carrier_hz) / self._rate_hz
+            score = relative[np.rint(place * SIZE).astype(np.int64) % SIZE].mean(axis=1)
+            best = int(np.argmax(score))
+            spread = 1.48 * float(np.median(np.abs(score - np.median(score))))
+            if score[best] > float(np.median(score)) + COMB_SIGMAS * spread:
+                inside = np.abs(place[best]) < 0.5
+                return np.asarray(place[best][inside], np.float64)
+        return np.empty(0)
+
+
+def without_tones(samples: NDArray[np.complex128], tones: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Samples minus the tones, their amplitudes and phases fitted together by least squares."""
+    if not len(tones):
+        return samples
+    basis = np.exp(2j * np.pi * np.outer(np.arange(len(samples)), tones))
+    normal = basis.conj().T @ basis
+    weight = 1e-6 * len(samples) * np.eye(len(tones))
+    found = np.linalg.solve(normal + weight, basis.conj().T @ samples)
+    return np.asarray(samples - basis @ found, np.complex128)
