@@ -58,7 +58,7 @@ class MotionLog:
     distance_m: Floats
     speed_mps: Floats
     slip: NDArray[np.int8]
-    """-1 slide, +1 spin, 0 adhering (micro-slip included)."""
+    """-1 slide, +1 spin, 0 adhering (micro-slip up to 2 % or 0.3 m/s included)."""
     acceleration_mps2: Floats
     way_m: Floats
     """Of the front end along the track."""

@@ -56,7 +56,19 @@ STATE: Final = np.dtype(
     ]
     + [
         (name, np.int64)
-        for name in ("mode", "stop", "has_stop", "episode", "next_random", "sliding", "free", "slip", "leg", "step")
+        for name in (
+            "mode",
+            "stop",
+            "has_stop",
+            "episode",
+            "next_random",
+            "sliding",
+            "free",
+            "slip",  # adhesion exceeded and not yet regained for good
+            "told",  # the same, and whatever else turns the wheel as wrongly: what the truth calls a slip
+            "leg",
+            "step",
+        )
     ]
 )
 

@@ -14,7 +14,7 @@ from services.simulator.inertial_sensor import SensorConstants, sense
 from services.simulator.motion_state import BRAKE, DWELL, POWER, STEP_S, Command, VehicleConstants
 from services.simulator.track_table import STEP_M
 from services.simulator.train_dynamics import draw_leg, drive, move
-from services.simulator.wheel_adhesion import begin_episode, roll_on, wheel_step
+from services.simulator.wheel_adhesion import begin_episode, roll_on, tell_slip, wheel_step
 
 Floats = NDArray[np.float64]
 
@@ -100,6 +100,7 @@ def run_steps(
         if move(state, effort, row[3], row[0], run.vehicle):
             come_to_rest(state, run)
         roll_on(state, rim_mps)
+        tell_slip(state)
         suspend(state, row, run.sensor.vibration, noise[i, 4:6], run.vehicle)
         look_up(run.felt, s.way_m, row, bend)
         feel(state, row, bend, imu[i])
@@ -107,7 +108,7 @@ def run_steps(
         s.time_s = s.step * STEP_S
         sense(s.time_s, s.wheel_way_m, s.speed_mps, run.sensor, memory, noise[i, 6:], imu[i])
         motion[i, 0], motion[i, 1], motion[i, 2] = s.way_m, s.speed_mps, s.acceleration_mps2
-        motion[i, 3], motion[i, 4], motion[i, 5], motion[i, 6] = s.wheel_way_m, s.slip, s.effort_mps2, s.wheel_mps
+        motion[i, 3], motion[i, 4], motion[i, 5], motion[i, 6] = s.wheel_way_m, s.told, s.effort_mps2, s.wheel_mps
     return len(noise)
 
 

@@ -34,6 +34,10 @@ STICK_S: Final = 0.15
 FORCED_S: Final = 0.4
 REGAINED_S: Final = 1.5
 """A wheel that has adhered this long has regained its adhesion, whatever the rail."""
+SLIPPING_SHARE: Final = 0.02
+SLIPPING_MPS: Final = 0.3
+"""A rim that differs from the train by more than both of these slips, whatever has brought it there. It goes on
+slipping until it differs by less than half of either."""
 
 
 @kernel
@@ -189,3 +193,18 @@ def roll_on(state: Any, before_mps: float) -> None:  # noqa: ANN401 - a numpy re
     if s.free == 0:
         s.wheel_mps = max(s.speed_mps + s.slip_mps, 0.0)
     s.wheel_way_m += (before_mps + s.wheel_mps) / 2.0 * STEP_S
+
+
+@kernel
+def tell_slip(state: Any) -> None:  # noqa: ANN401 - a numpy record
+    """What the truth says: -1 slide, +1 spin, while adhesion is exceeded or the rim is off by as much."""
+    s = state[0]
+    off_mps = s.wheel_mps - s.speed_mps
+    share = 1.0 if s.told == 0 else 0.5
+    off = abs(off_mps) > share * max(SLIPPING_MPS, SLIPPING_SHARE * s.speed_mps)
+    if s.slip != 0:
+        s.told = s.slip
+    elif not off:
+        s.told = 0
+    elif s.told == 0:
+        s.told = 1 if off_mps > 0.0 else -1
