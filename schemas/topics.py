@@ -186,6 +186,14 @@ TRACK_EVENT = Topic(
     None,
     "occupied, cleared, telegrams lost and back, trends and disturbances of a track circuit",
 )
+TRACK_CONFIRMATION = Topic(
+    "{kind}/{place}/track_circuit/{circuit}/confirmation",
+    track_circuit.ClearConfirmation,
+    Delivery.EVENT,
+    None,
+    "a person's word that a circuit is clear now",
+    from_outside=True,
+)
 HEALTH = Topic("{kind}/{place}/health/{service}", health.Health, Delivery.STATE, 1.0, "how one service is doing")
 SERVICE_EVENT = Topic(
     "{kind}/{place}/event/{service}",
@@ -227,6 +235,7 @@ ALL: tuple[Topic[Message], ...] = (
     TRACK_OCCUPANCY,
     TRACK_HEALTH,
     TRACK_EVENT,
+    TRACK_CONFIRMATION,
     HEALTH,
     SERVICE_EVENT,
 )

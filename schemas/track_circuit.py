@@ -141,6 +141,14 @@ class CircuitEvent(Message, frozen=True, kw_only=True):
     level_db: float | None = None
 
 
+class ClearConfirmation(Message, frozen=True, kw_only=True):
+    """A person's word that a circuit is clear now, after a start or when weather moved its level under a train."""
+
+    circuit: str
+    by: str = ""
+    """Who says so."""
+
+
 class StoredCoefficients(Part, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Coefficients learned in a trial run."""
 

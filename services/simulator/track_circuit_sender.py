@@ -24,6 +24,8 @@ class Sender:
             settings.profile,
             carrier_hz=(settings.profile.carrier_hz + settings.carrier_offset_hz) * fast,
             chip_rate_hz=settings.profile.chip_rate_hz * fast,
+            # Written out once: drawing them anew for every block would cost more than all the rest.
+            pilot_bits="".join("0" if pilot > 0.0 else "1" for pilot in settings.profile.pilots()),
         )
         self._circuit_id = circuit_id
         self._framing = settings.profile.framing or Framing()

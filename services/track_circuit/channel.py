@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +39,16 @@ def fir_of(response: Response, sample_rate_hz: float, taps: int = 512) -> NDArra
 
 
 def rail_fir(
-    rail: Rail, length_km: float, ballast_s_per_km: float, sample_rate_hz: float, taps: int = 512, **state: float
+    rail: Rail,
+    length_km: float,
+    ballast_s_per_km: float,
+    sample_rate_hz: float,
+    *,
+    state: Mapping[str, float] | None = None,
+    taps: int = 512,
 ) -> NDArray[np.float64]:
-    """Impulse response of a track; `state` as in `rail.transfer` (shunt_ohm, shunt_km, broken_km)."""
-    return fir_of(lambda hz: transfer(rail, hz, length_km, ballast_s_per_km, **state), sample_rate_hz, taps)
+    """Impulse response of a track; `state` as in `rail.transfer` (shunt_ohm and shunt_km, or broken_km)."""
+    return fir_of(lambda hz: transfer(rail, hz, length_km, ballast_s_per_km, **(state or {})), sample_rate_hz, taps)
 
 
 class FirFilter:

@@ -13,13 +13,13 @@ from services.track_circuit.code_table import CodeTable, table_for
 from services.track_circuit.fsk import SHORTEST_S, WINDOW_S, Coded, decode, strongest
 from services.track_circuit.profile import Profile
 from services.track_circuit.receiver import Demodulation, StoredTaps
-from services.track_circuit.receiver_demodulation import demodulate
+from services.track_circuit.receiver_demodulation import Demodulator, joined
 from services.track_circuit.telegram import Frame, TelegramScanner
 from services.track_circuit.telegram_acceptance import Acceptance
 
 FSK_STEP_S = 1.0
-PIECE_S = 600.0
-"""Longer stretches are received in pieces of this length: memory stays bounded."""
+PIECE_S = 30.0
+"""Samples are read in pieces of this length: memory stays bounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +170,9 @@ def receive_recording(
     """Everything in a recording. Raises ReceiverRefusedError and ValueError where nothing can be received at all."""
     received = Received(warnings=list(recording.warnings))
     spread = SpreadSpectrum(profile, circuit, circuit_id, received)
+    following: Demodulator | None = None
+    parts: list[Demodulation] = []
+    begin_sample, ends = 0, {one.end for one in recording.stretches}
     for stretch, samples in _pieces(recording):
         begin_s = stretch.first_sample / recording.sample_rate_hz
         received.warnings += _sample_warnings(samples, begin_s)
@@ -179,8 +182,15 @@ def receive_recording(
             codes = table_for(profile, table or CodeTable())
             received.rows += list(_coded(clean, recording.sample_rate_hz, codes, circuit, begin_s))
         else:
-            found = demodulate(clean, recording.sample_rate_hz, profile, receiver, stored)
-            spread.take(found, stretch.first_sample, recording.sample_rate_hz)
+            if following is None:
+                following = Demodulator(recording.sample_rate_hz, profile, receiver, stored)
+                parts, begin_sample = [], stretch.first_sample
+            parts.append(following.take(clean))
+            if stretch.end in ends:
+                parts.append(following.finish())
+                heard = [part for part in parts if len(part.bit)]
+                spread.take(joined(heard) if heard else parts[-1], begin_sample, recording.sample_rate_hz)
+                following = None
         if progress is not None:
             progress(stretch.end / len(recording.samples))
     if len(recording.stretches) > 1:

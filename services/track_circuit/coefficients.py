@@ -111,29 +111,58 @@ def learned(
     if evm_db > WORST_EVM_DB:
         msg = f"the error vector magnitude, {evm_db:.1f} dB, is above {WORST_EVM_DB:g} dB: nothing can be learned"
         raise TrainingError(msg)
-    taps = found.taps.ravel()
-    return StoredCoefficients(
-        circuit=circuit,
-        distance_bin_m=distance_bin_m,
-        receiver=found.receiver,
-        profile_digest=profile_digest(profile),
+    return coefficients_of(
+        profile,
+        circuit,
+        found.receiver,
+        found.taps,
         trained=day,
-        weather=weather,
-        taps=tuple((float(tap.real), float(tap.imag)) for tap in taps),
         level_db=float(np.median(found.level_db)),
-        mse=float(10.0 ** (evm_db / 10.0)),
+        evm_db=evm_db,
         symbols=len(found.bit),
+        weather=weather,
+        distance_bin_m=distance_bin_m,
     )
 
 
-def with_set(store: CoefficientStore, new: StoredCoefficients) -> tuple[CoefficientStore, StoredCoefficients]:
-    """The store with a newly learned set in the place of the one before, its version counted up."""
+def coefficients_of(
+    profile: Profile,
+    circuit: str,
+    receiver: str,
+    taps: NDArray[np.complex128],
+    *,
+    trained: str,
+    level_db: float,
+    evm_db: float,
+    symbols: int,
+    weather: str = "",
+    distance_bin_m: tuple[float, float] | None = None,
+) -> StoredCoefficients:
+    """A receiver's taps as they are kept."""
+    return StoredCoefficients(
+        circuit=circuit,
+        distance_bin_m=distance_bin_m,
+        receiver=receiver,
+        profile_digest=profile_digest(profile),
+        trained=trained,
+        weather=weather,
+        taps=tuple((float(tap.real), float(tap.imag)) for tap in taps.ravel()),
+        level_db=level_db,
+        mse=float(10.0 ** (evm_db / 10.0)),
+        symbols=symbols,
+    )
+
+
+def with_set(
+    store: CoefficientStore, new: StoredCoefficients, *, trained: bool = True
+) -> tuple[CoefficientStore, StoredCoefficients]:
+    """The store with a set in the place of the one before; its version counts up where it was `trained` anew."""
 
     def same(one: StoredCoefficients) -> bool:
         return (one.circuit, one.distance_bin_m, one.receiver) == (new.circuit, new.distance_bin_m, new.receiver)
 
-    version = 1 + max((one.version for one in store.sets if same(one)), default=0)
-    numbered = msgspec.structs.replace(new, version=version)
+    before = max((one.version for one in store.sets if same(one)), default=0)
+    numbered = msgspec.structs.replace(new, version=before + 1 if trained else max(before, 1))
     others = tuple(one for one in store.sets if not same(one))
     order = sorted((*others, numbered), key=lambda one: (one.circuit, one.receiver, one.distance_bin_m or (-1.0, 0.0)))
     return CoefficientStore(sets=tuple(order)), numbered
@@ -157,3 +186,28 @@ def drift(taps: NDArray[np.complex128], stored: StoredCoefficients) -> float | N
         return None
     likeness = abs(complex(np.vdot(found, wanted))) / sizes
     return float(np.sqrt(max(0.0, 1.0 - min(likeness, 1.0) ** 2)))
+
+
+STEP = 0.02
+"""Share by which stored taps go towards new ones at a time."""
+
+
+def adapted(
+    stored: StoredCoefficients, trained: StoredCoefficients, taps: NDArray[np.complex128]
+) -> StoredCoefficients:
+    """`stored` moved gently towards `taps`, never further than DRIFT_LIMIT from what the trial run `trained` gave.
+
+    Phase and gain of the day are taken off first. Taps that cannot be compared, or are no neighbours, teach nothing.
+    """
+    before, anchor = taps_of(stored).taps, taps_of(trained).taps
+    found = np.asarray(taps, np.complex128).ravel()
+    off = drift(found, trained)
+    if off is None or off > DRIFT_LIMIT or not np.isfinite(found).all():
+        return stored
+    gain = np.vdot(found, before) / np.vdot(found, found)
+    moved = before + STEP * (gain * found - before)
+    distance, limit = moved - anchor, DRIFT_LIMIT * float(np.linalg.norm(anchor))
+    size = float(np.linalg.norm(distance))
+    if size > limit:
+        moved = anchor + distance * (limit / size)
+    return msgspec.structs.replace(stored, taps=tuple((float(tap.real), float(tap.imag)) for tap in moved))

@@ -216,3 +216,12 @@ def keyed(
     swing = np.where(turns < 0.5, turns, 1.0 - turns)  # noqa: PLR2004 - half a period up, half a period down
     phase = carrier_hz * t + shift_hz / code_hz * swing
     return np.asarray(np.cos(2.0 * np.pi * (phase % 1.0)), np.float64)
+
+
+def band_level_db(samples: NDArray[np.float64], sample_rate_hz: float, carrier_hz: float, width_hz: float) -> float:
+    """Power within `width_hz` around a carrier, relative to full scale; quick to follow, deaf to other carriers."""
+    count = len(samples)
+    spectrum = np.abs(np.fft.rfft(samples * np.hanning(count))) ** 2
+    middle, half = carrier_hz * count / sample_rate_hz, max(width_hz * count / sample_rate_hz / 2.0, 1.0)
+    power = float(np.sum(spectrum[int(middle - half) : int(middle + half) + 1])) * 2.0 / (count * 0.375 * count)
+    return float(10.0 * np.log10(power + 1e-20))

@@ -49,6 +49,8 @@ class CircuitSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """From sending to receiving end, for the estimate of the ballast's leakage."""
     sending_axis_m: float | None = None
     """On board: where the sending end stands, for coefficients by distance from it."""
+    receiving: Literal["up", "down"] = "up"
+    """Side of the sending end on which the circuit lies: rising or falling axis_m."""
     learn: bool = True
     """Adapt stored coefficients gently: beside the line while clear, on board with good telegrams."""
 
@@ -67,6 +69,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Of frequency-coded circuits."""
     block_s: Annotated[float, Meta(ge=0.02, le=0.2)] = 0.1
     """Samples of an own input travel in blocks of this length."""
+    aerial: Name = "aerial"
+    """On board: name under which samples of the coils come, whatever circuit the train is in."""
     publish_samples: bool = False
     """Put the samples of own inputs on the bus, for recording."""
     state: bool = True

@@ -49,6 +49,7 @@ from schemas.track_circuit import (
     CircuitEvent,
     CircuitHealth,
     CircuitOccupancy,
+    ClearConfirmation,
     CodedCarrier,
     EqualiserState,
     SampleBlock,
@@ -363,6 +364,7 @@ EXAMPLES: dict[type[Message], Message] = {
     CircuitEvent: CircuitEvent(
         t_ns=_T_NS, circuit="T12", kind="occupied", text="level fell by 12.0 dB", level_db=-32.5
     ),
+    ClearConfirmation: ClearConfirmation(t_ns=_T_NS, circuit="T12", by="signaller"),
     Health: Health(
         t_ns=_T_NS,
         service="gnss_receiver@rear",
