@@ -71,7 +71,7 @@ class LogConfig(Settings, frozen=True, kw_only=True):
 class LifeConfig(Settings, frozen=True, kw_only=True):
     """How long a service may take."""
 
-    start_timeout_s: Annotated[float, Meta(ge=1.0, le=3600.0)] = 120.0
+    start_timeout_s: Annotated[float, Meta(ge=1.0, le=3600.0)] = 600.0
     """A service that is not ready by then is ended with exit code 1; compiling kernels for the first time counts."""
     watchdog_s: Annotated[float, Meta(ge=1.0, le=600.0)] = 20.0
     """`kirotei up` kills and restarts a service whose event loop has given no sign for this long."""
