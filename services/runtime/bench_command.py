@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-AREAS = ("bus", "gnss", "landmarks", "motion", "replay", "start")
+AREAS = ("bus", "gnss", "landmarks", "motion", "replay", "start", "track-circuit")
 
 
 def bench(
@@ -32,4 +32,4 @@ def bench(
         raise typer.Exit(1)
     prepare(state_dir(os.environ), os.environ)
     for name in AREAS if area is None else (area,):
-        import_module(f"benchmarks.{name}").run(json=as_json, rounds=rounds)
+        import_module(f"benchmarks.{name.replace('-', '_')}").run(json=as_json, rounds=rounds)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 RATIO: Final = 1.6
-"""Threshold over the median of the stretches' peaks: 4.3 sigma of Gaussian noise; the signal itself never gets there."""
+"""Threshold over the median of the stretches' peaks: 4.3 sigma of Gaussian noise, and the signal never gets there."""
 WINDOW: Final = 301
 """Stretches over which the median runs, about a second of symbols."""
 MARGIN: Final = 2

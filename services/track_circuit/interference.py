@@ -23,6 +23,7 @@ SELDOM: Final = 8
 """Bursts between searches later on: tones stay, searching costs as much as receiving."""
 FADE: Final = 0.9
 """Share of the averaged spectrum kept from burst to burst."""
+NYQUIST: Final = 0.5
 MOST_TONES: Final = 24
 MAINS_HZ: Final = (50.0, 60.0)
 MAINS_TOLERANCE_HZ: Final = 0.5
@@ -93,7 +94,7 @@ class ToneFinder:
             best = int(np.argmax(score))
             spread = 1.48 * float(np.median(np.abs(score - np.median(score))))
             if score[best] > float(np.median(score)) + COMB_SIGMAS * spread:
-                inside = np.abs(place[best]) < 0.5
+                inside = np.abs(place[best]) < NYQUIST
                 return np.asarray(place[best][inside], np.float64)
         return np.empty(0)
 

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from services.numerics.kernel import summing_kernel
 
+REFRESH = 4096
+"""Updates after which the running input power is summed anew, against rounding."""
+
 
 @dataclass(frozen=True, slots=True)
 class Adapted:
@@ -52,20 +55,22 @@ def adapt(
         power += inputs_re[j] ** 2 + inputs_im[j] ** 2
         out_re += wr[j] * inputs_re[j] - wi[j] * inputs_im[j]
         out_im += wr[j] * inputs_im[j] + wi[j] * inputs_re[j]
-    smooth, least, settle = 0.0, np.inf, int(1.0 / smoothing)
+    smooth, least, settle, refresh = 0.0, np.inf, int(1.0 / smoothing), REFRESH
+    ur, ui = inputs_re[:length], inputs_im[:length]
     for k in range(count):
-        at = k * stride
-        ur, ui = inputs_re[at : at + length], inputs_im[at : at + length]
         e_re, e_im = target_re[k] - out_re, target_im[k] - out_im
         error[0, k], error[1, k] = e_re, e_im
-        smooth += (e_re * e_re + e_im * e_im - smooth) * max(smoothing, 1.0 / (k + 1))
-        if k >= settle and smooth < least:
-            least = smooth
-            best[0, :], best[1, :] = wr, wi
+        if k < settle:
+            smooth += (e_re * e_re + e_im * e_im - smooth) / (k + 1)
+        else:
+            smooth += (e_re * e_re + e_im * e_im - smooth) * smoothing
+            if smooth < least:
+                least = smooth
+                for j in range(length):
+                    best[0, j], best[1, j] = wr[j], wi[j]
         gain = step / power if normalised else step
         g_re, g_im = gain * e_re, gain * e_im
-        last = k + 1 == count
-        ahead = at if last else at + stride
+        ahead = (k + 1) * stride if k + 1 < count else k * stride
         vr, vi = inputs_re[ahead : ahead + length], inputs_im[ahead : ahead + length]
         out_re, out_im = 0.0, 0.0
         for j in range(length):
@@ -74,13 +79,15 @@ def adapt(
             wr[j], wi[j] = new_re, new_im
             out_re += new_re * vr[j] - new_im * vi[j]
             out_im += new_re * vi[j] + new_im * vr[j]
-        if not last:
-            for j in range(stride):
-                power += vr[length - stride + j] ** 2 + vi[length - stride + j] ** 2 - ur[j] ** 2 - ui[j] ** 2
-            if k % 4096 == 4095:  # noqa: PLR2004 - the running sum is renewed now and then against rounding
-                power = 1e-30
-                for j in range(length):
-                    power += vr[j] ** 2 + vi[j] ** 2
+        for j in range(stride):
+            entering, leaving = length - stride + j, j
+            power += vr[entering] ** 2 + vi[entering] ** 2 - ur[leaving] ** 2 - ui[leaving] ** 2
+        ur, ui = vr, vi
+        refresh -= 1
+        if refresh == 0:
+            refresh, power = REFRESH, 1e-30
+            for j in range(length):
+                power += vr[j] ** 2 + vi[j] ** 2
 
 
 def run_adaptive(

@@ -107,7 +107,7 @@ class BurstChain:
         return Burst(baseband, self._pilots[index]), before
 
     def _received(self, burst: Burst) -> tuple[Reception, Burst, NDArray[np.float64]]:
-        """The reception, with foreign tones taken out where that makes it better: CH1 itself may be a tone for a time."""
+        """The reception, foreign tones taken out where that makes it better: CH1 itself may be a tone for a time."""
         self._finder.take(burst.samples)
         tones = self._finder.tones(self.place.carrier_hz)
         if not len(tones):

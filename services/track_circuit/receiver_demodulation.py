@@ -262,25 +262,19 @@ def demodulate(
 def joined(parts: list[Demodulation]) -> Demodulation:
     """Results of one Demodulator in their order as one, with symbol numbers from the first period on."""
     last = parts[-1]
-    arrays = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in (
-            "symbol",
-            "sample",
-            "bit",
-            "soft",
-            "level_db",
-            "evm_db",
-            "carrier_offset_hz",
-            "clock_offset_ppm",
-            "error_db",
-            "constellation",
-        )
-    }
     return Demodulation(
-        **arrays,
+        symbol=np.concatenate([part.symbol for part in parts]),
+        sample=np.concatenate([part.sample for part in parts]),
+        bit=np.concatenate([part.bit for part in parts]),
+        soft=np.concatenate([part.soft for part in parts]),
+        level_db=np.concatenate([part.level_db for part in parts]),
+        evm_db=np.concatenate([part.evm_db for part in parts]),
+        carrier_offset_hz=np.concatenate([part.carrier_offset_hz for part in parts]),
+        clock_offset_ppm=np.concatenate([part.clock_offset_ppm for part in parts]),
         receiver=last.receiver,
         taps=last.taps,
+        error_db=np.concatenate([part.error_db for part in parts]),
+        constellation=np.concatenate([part.constellation for part in parts]),
         sync=last.sync,
         losses=last.losses,
         blanked=last.blanked,
