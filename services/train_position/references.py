@@ -13,6 +13,9 @@ from services.train_position.reach import Instant
 
 BOUND_SIGMAS: Final = 3.0
 """A location accuracy is taken for so many standard deviations."""
+LANDMARK_SIGMAS: Final = 6.0
+"""A match's bound adds up five standard deviations of noise and the largest errors of all else, so errors are smaller:
+0.9 m rms where the bounds are 10 m (docs/landmark_matching.md)."""
 LARGEST_BOUND_M: Final = 1000.0
 FARTHEST_M: Final = 1e7
 """No line is longer."""
@@ -38,7 +41,7 @@ def landmark_claim(held: Held, match: LandmarkMatch, then: Instant) -> Claim | s
     if held.sense_at(then.t_ns) * then.speed_mps * running < 0.0:
         return f"landmark {match.landmark} was matched running {match.direction}, while the train ran the other way"
     bound_m = match.bound_m + held.clock_bound_m(then)
-    sigma_m = max(match.bound_m / BOUND_SIGMAS, 0.3)
+    sigma_m = max(match.bound_m / LANDMARK_SIGMAS, 0.3)
     return Claim("landmark", match.landmark, match.t_ns, match.axis_m, bound_m, sigma_m, match.branch)
 
 
