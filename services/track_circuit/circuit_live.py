@@ -42,7 +42,7 @@ LEVEL_S: Final = 0.25
 """Length of the samples from which a coded carrier's level is taken."""
 CODE_WIDTH_HZ: Final = 90.0
 CLIPPED_SHARE: Final = 0.01
-FIRST_SYMBOLS: Final = 1024
+FIRST_SYMBOLS: Final = 512
 """Symbols received well before a circuit without stored coefficients gets its first ones."""
 
 CircuitMessage = Telegram | CodedCarrier | EqualiserState | CircuitOccupancy | CircuitHealth | CircuitEvent
