@@ -140,6 +140,18 @@ class SlipEpisode(Message, frozen=True, kw_only=True):
     reason: str
 
 
+class WheelScale(Message, frozen=True, kw_only=True):
+    """Scale of the leading axle's wheels, as references at both ends of known distances tell it."""
+
+    scale: Annotated[float, Meta(ge=0.5, le=2.0)]
+    """True over nominal wheel diameter, 1 where nothing is known any more."""
+    sigma: Annotated[float, Meta(gt=0.0, le=0.5)]
+    """Its standard deviation: the scale of any stretch of way is within three of it."""
+    references: Annotated[int, Meta(ge=0)]
+    """Stretches between references that told it."""
+    reason: str = ""
+
+
 class MotionWarning(Message, frozen=True, kw_only=True):
     """Something wrong with a motion sensor or its mounting, found or gone."""
 

@@ -90,6 +90,9 @@ ODOMETRY = Topic(
 SLIP_EPISODE = Topic(
     "train/{train}/slip", motion.SlipEpisode, Delivery.KEPT, None, "a slide or spin, from start point to re-adhesion"
 )
+WHEEL_SCALE = Topic(
+    "train/{train}/wheel_scale", motion.WheelScale, Delivery.STATE, None, "scale of the wheels, told by references"
+)
 LANDMARK_MATCH = Topic(
     "train/{train}/landmark", position.LandmarkMatch, Delivery.KEPT, None, "a curve recognised or refused"
 )
@@ -219,6 +222,7 @@ ALL: tuple[Topic[Message], ...] = (
     MOTION_WARNING,
     ODOMETRY,
     SLIP_EPISODE,
+    WHEEL_SCALE,
     LANDMARK_MATCH,
     BRANCH_EVIDENCE,
     BALISE,

@@ -1,6 +1,6 @@
 """The error that the fused mode vouches for.
 
-    bound = start + share · way + excess + provisional, never above 5 m + 5 % of the way
+    bound = start + share · way + owed + excess + provisional, not above 5 m + 5 % of the way while the status is valid
 
 `provisional`, while the account is not settled (slip, gap, doubt between accounts): FACTOR times what the variance of
 the distance has gained since it last was, and how far the accounts that may still be true lie apart. What is left of

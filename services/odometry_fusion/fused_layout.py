@@ -97,6 +97,8 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             "slip",
             "slip_since",
             "slip_tick",
+            "slip_ended",
+            "hold",
             "episode",
             "overdue",
             # branch that is believed
@@ -146,6 +148,7 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             "way_m",
             "distance_m",
             "excess_m",
+            "owed_m",
             "settled_var",
             "before_m",
             "gap_m",

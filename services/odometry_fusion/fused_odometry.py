@@ -27,6 +27,11 @@ from services.odometry_fusion.ticks import TickMaker
 
 LARGEST_SCALE = 0.1
 """A wheel whose scale is further off is another wheel."""
+STALE_SIGMA = 0.01
+"""Of a scale kept from an earlier run: wheels may have been turned meanwhile, so that all of wear is vouched for
+until a reference has told it again."""
+BETTER_SHARE = 0.8
+"""A scale that is known better by so much is taken, though it be the same."""
 
 
 class FusedOdometry:
@@ -49,6 +54,16 @@ class FusedOdometry:
         if known is not None:
             self._state["roll_bias_radps"] = known.roll_bias_radps
             self._state["yaw_bias_radps"] = known.yaw_bias_radps
+            if known.wheel_scale is not None and known.wheel_scale_sigma > 0.0:
+                self.update_scale(known.wheel_scale, max(known.wheel_scale_sigma, STALE_SIGMA))
+
+    def take_scale(self, scale: float, sigma: float) -> bool:
+        """Take a scale that tells something new, see `update_scale`; gives whether it did."""
+        old, old_sigma = float(self._state["scale"][0]), float(self._state["scale_sigma"][0])
+        if old_sigma > 0.0 and abs(scale - old) <= min(sigma, old_sigma) and sigma > BETTER_SHARE * old_sigma:
+            return False
+        self.update_scale(scale, sigma)
+        return True
 
     def update_scale(self, scale: float, sigma: float) -> None:
         """Take a wheel scale found from references (true over nominal diameter) and its standard deviation.
@@ -63,8 +78,8 @@ class FusedOdometry:
         state["origin_m"], state["origin_d_m"] = state["distance_m"], state["live_d_m"]
         state["scale"], state["scale_sigma"] = scale, sigma
         known = min(self._settings.share, self._settings.known_share + 3.0 * sigma)
-        # The bound so far was taken with the former share: what falls away of it stays owed.
-        state["excess_m"] += max(0.0, float(self._rules["share"][0]) - known) * state["way_m"]
+        # The bound so far was taken with the former share: what falls away of it stays owed, to the origin alone.
+        state["owed_m"] += max(0.0, float(self._rules["share"][0]) - known) * state["way_m"]
         self._rules["share"] = known
 
     def advance(self, until_s: float, imu_t_s: Floats, imu: SixAxes, tacho_t_s: Floats, pulses: Counts) -> MotionRows:
@@ -78,11 +93,12 @@ class FusedOdometry:
     def remembered(self) -> Remembered | None:
         """Biases of the gyros, once the train has stood, and the wheel's scale where references gave it."""
         now = self._state[0]
-        if now["rested_s"] == 0.0:
+        if now["rested_s"] == 0.0 and now["scale_sigma"] == 0.0:
             return None
         pitch = float(self._branches.x[int(now["best"]), 4])
-        scale = float(now["scale"]) if now["scale_sigma"] > 0.0 else None
-        return Remembered(float(now["roll_bias_radps"]), pitch, float(now["yaw_bias_radps"]), scale)
+        sigma = float(now["scale_sigma"])
+        scale = float(now["scale"]) if sigma > 0.0 else None
+        return Remembered(float(now["roll_bias_radps"]), pitch, float(now["yaw_bias_radps"]), scale, sigma)
 
     def _rows(self, new: Records, out: Records, episodes: tuple[Episode, ...]) -> MotionRows:
         curvature = self._curvature(out)

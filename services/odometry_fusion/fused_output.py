@@ -35,6 +35,7 @@ from services.odometry_fusion.fused_layout import (
     Record,
     U,
     V,
+    W,
 )
 from services.odometry_fusion.motion_log import DEGRADED, LOST, PERIOD_S, VALID
 from services.odometry_fusion.tick_layout import Records
@@ -47,6 +48,12 @@ SLIP_M: Final = 0.7
 """this much way: micro-slips are followed, but not called slips."""
 ADHERES_SHARE: Final = 0.3
 """Re-adhesion is published when a slip is less probable."""
+HOLD_TICKS: Final = 15
+"""for so long without a break: wheels that cycle are one slip."""
+MACRO_SHARE: Final = 0.018
+"""A rim that is off by less of the speed creeps, and does not slip: adhesion is exceeded at 1 to 2 %."""
+LATE_TICKS: Final = 30
+"""A slip that is only found when it has just ended is published all the same, for HOLD_TICKS."""
 CALM_SHARE: Final = 0.05
 SMOOTHING: Final = 0.3
 """Share of the newest in the acceleration that is held over the latency."""
@@ -116,24 +123,41 @@ def _calm(now: Record, blind: bool, silent: bool) -> None:  # noqa: FBT001 - a k
 def _episodes(row: int, rule: Record, now: Record, branches: Branches, events: Records, count: int) -> int:
     """Whether the wheels slip, as published; gives the number of events."""
     x, own = branches.x[now.best], branches.about[now.best]
-    if own.mode == SLIPPING:
-        if own.since != now.slip_since:
-            now.slip_since, now.slip_top = own.since, 0.0
-        slip_mps = SLIP_MPS + 2.0 * np.sqrt(now.creep_var)
-        now.slip_top = max(now.slip_top, abs(x[U]) / slip_mps, abs(lost_way(branches, now)) / SLIP_M)
+    _weigh_slip(now, branches)
     if now.slip == 0:
-        if own.mode == SLIPPING and now.slip_share > SLIP_SHARE and now.slip_top > 1.0:
-            now.slip = 1 if x[U] > 0.0 else -1
-            now.slip_tick, now.overdue = own.since, 0
+        just_ended = own.mode != SLIPPING and now.tick - own.since <= LATE_TICKS
+        sure = now.slip_share < 1.0 - SLIP_SHARE if just_ended else own.mode == SLIPPING and now.slip_share > SLIP_SHARE
+        if sure and now.slip_top > 1.0 and own.slip_since > now.slip_ended:
+            now.slip = 1 if x[W] - own.slip_w_m > x[D] - own.slip_d_m else -1
+            now.slip_tick, now.overdue, now.hold = own.slip_since, 0, HOLD_TICKS
             now.episode += 1
             count = _note(row, BEGAN, now, branches, events, count)
-    elif now.slip_share < ADHERES_SHARE:
+        return count
+    now.hold = HOLD_TICKS if now.slip_share >= ADHERES_SHARE else now.hold - 1
+    if now.hold <= 0:
         count = _note(row, ENDED, now, branches, events, count)
-        now.slip, now.overdue = 0, 0
+        now.slip, now.overdue, now.slip_ended = 0, 0, own.slip_since
     elif not now.overdue and (now.tick - now.slip_tick) * PERIOD_S > rule.longest_slip_s:
         now.overdue = 1
         count = _note(row, NOT_FOUND, now, branches, events, count)
     return count
+
+
+@kernel
+def _weigh_slip(now: Record, branches: Branches) -> None:
+    """How much the believed account's latest slip has come to, as a share of what is published, into `now.slip_top`."""
+    x, own = branches.x[now.best], branches.about[now.best]
+    if own.slip_since != now.slip_since:
+        now.slip_since, now.slip_top = own.slip_since, 0.0
+    lost_m = abs(lost_way(branches, now))
+    if own.mode == SLIPPING:
+        if abs(x[U]) > MACRO_SHARE * abs(x[V]):
+            slip_mps = SLIP_MPS + 2.0 * np.sqrt(now.creep_var)
+            now.slip_top = max(now.slip_top, abs(x[U]) / slip_mps, lost_m / SLIP_M)
+    elif own.since > own.slip_since and now.tick - own.since <= LATE_TICKS and not own.free:
+        mean_mps = lost_m / ((own.since - own.slip_since) * PERIOD_S)
+        if mean_mps > MACRO_SHARE * abs(x[V]):
+            now.slip_top = max(now.slip_top, lost_m / SLIP_M)
 
 
 @kernel
@@ -189,12 +213,13 @@ def _motion(
 
 @kernel
 def _bound(rule: Record, now: Record, provisional_m: float, reason: int, status: int, out: Record) -> None:
-    """Bound, never above what ETCS allows; beyond it the position is lost."""
+    """Bound, never above what ETCS allows while all is well; else as large as it must be, and beyond that much lost."""
     most_m = allowed(now.way_m, now.distance_m)
-    bound_m = rule.start_bound_m + rule.share * now.way_m + now.excess_m + provisional_m
-    bound_m = min(bound_m, most_m)
-    # An honest bound beyond what is allowed for the slip or gap at hand alone makes the position lost.
-    if provisional_m > most_m and status != VALID:
+    bound_m = rule.start_bound_m + rule.share * now.way_m + now.owed_m + now.excess_m + provisional_m
+    if status == VALID:
+        # The parts are cautious one by one and their sum more so: errors stay below (docs/odometry_fusion.md).
+        bound_m = min(bound_m, most_m)
+    elif provisional_m > most_m:
         reason, status = BEYOND, LOST
     out.distance_m, out.way_m = now.distance_m, now.way_m
     out.bound_m, out.excess_m, out.provisional_m = bound_m, now.excess_m, provisional_m

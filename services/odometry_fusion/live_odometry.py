@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock
+from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock, WheelScale
 from services.odometry_fusion.axle_choice import AxleChoice
+from services.odometry_fusion.fused_odometry import LARGEST_SCALE, FusedOdometry
 from services.odometry_fusion.methods import begin
 from services.odometry_fusion.motion_log import (
     Counts,
@@ -75,7 +77,22 @@ class LiveOdometry:
         """What to keep for the next start."""
         found = self._running[self._choice.leader].step if self._running else None
         now = None if found is None else found.remembered()
-        return self._known if now is None else now
+        if now is None or self._known is None or now.wheel_scale is not None:
+            return self._known if now is None else now
+        # A method without use for the scale keeps it for one that has.
+        kept = self._known
+        return replace(now, wheel_scale=kept.wheel_scale, wheel_scale_sigma=kept.wheel_scale_sigma)
+
+    def take_scale(self, told: WheelScale) -> None:
+        """The leading axle's wheel scale, as references tell it; also for the next start."""
+        if abs(told.scale - 1.0) > LARGEST_SCALE or told.sigma >= LARGEST_SCALE:
+            self.counts["wheel_scale_refused"] += 1
+            return
+        known = Remembered() if self._known is None else self._known
+        self._known = replace(known, wheel_scale=told.scale, wheel_scale_sigma=told.sigma)
+        step = self._running[self._choice.leader].step if self._running else None
+        if isinstance(step, FusedOdometry) and step.take_scale(told.scale, told.sigma):
+            self.counts["wheel_scale_taken"] += 1
 
     def take(self, block: ImuBlock | TachoBlock, device: str) -> list[Odometry | SlipEpisode]:
         """Messages that a block makes due."""
@@ -99,6 +116,9 @@ class LiveOdometry:
                 leapt = axle.buffer.leapt or changed
         if leapt:
             self.counts["begun_anew"] += 1
+            self._known = self.remembered()
+            if isinstance(block, TachoBlock) and changed and self._known is not None:
+                self._known = replace(self._known, wheel_scale=None, wheel_scale_sigma=0.0)
             self._begin()
             return self.take(block, device)
         return self._due()
@@ -148,8 +168,14 @@ class LiveOdometry:
             if axle.buffer.last_ns is None or axle.vehicle is None:
                 continue
             vehicle = Vehicle(*axle.vehicle, self._config.imu_latency_s, self._config.max_gradient_permille)
-            axle.step = begin(vehicle, self._config, self._known)
+            axle.step = begin(vehicle, self._config, self._known_of(axle))
             self._running.append(axle)
+
+    def _known_of(self, axle: _Axle) -> Remembered | None:
+        """What was learned; the wheels' scale is that of the axle that led."""
+        if self._known is None or axle is next(iter(self._axles.values())):
+            return self._known
+        return replace(self._known, wheel_scale=None, wheel_scale_sigma=0.0)
 
     def _rows(self, until_ns: int) -> list[Odometry | SlipEpisode]:
         imu_ns, imu = self._imu.take()

@@ -147,6 +147,8 @@ class Remembered:
     yaw_bias_radps: float = 0.0
     wheel_scale: float | None = None
     """True over nominal wheel diameter."""
+    wheel_scale_sigma: float = 0.0
+    """Its standard deviation."""
 
 
 class OdometryStep(Protocol):

@@ -28,6 +28,7 @@ class _Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     pitch_bias_radps: Bias = 0.0
     yaw_bias_radps: Bias = 0.0
     wheel_scale: Annotated[float, Meta(ge=0.5, le=2.0)] | None = None
+    wheel_scale_sigma: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
 
 
 def state_file(folder: Path, line: str, train: str) -> Path:
@@ -47,6 +48,7 @@ def write_state(path: Path, starts: int, known: Remembered | None) -> None:
             pitch_bias_radps=known.pitch_bias_radps,
             yaw_bias_radps=known.yaw_bias_radps,
             wheel_scale=known.wheel_scale,
+            wheel_scale_sigma=known.wheel_scale_sigma,
         )
     body = msgspec.json.encode(kept)
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -77,4 +79,4 @@ def read_state(path: Path) -> tuple[int, Remembered | None]:
     if not kept.learned:
         return kept.starts, None
     biases = (kept.roll_bias_radps, kept.pitch_bias_radps, kept.yaw_bias_radps)
-    return kept.starts, Remembered(*biases, kept.wheel_scale)
+    return kept.starts, Remembered(*biases, kept.wheel_scale, kept.wheel_scale_sigma)

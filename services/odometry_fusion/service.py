@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock
-from schemas.topics import IMU, ODOMETRY, SLIP_EPISODE, TACHO
+from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock, WheelScale
+from schemas.topics import IMU, ODOMETRY, SLIP_EPISODE, TACHO, WHEEL_SCALE
 from services.odometry_fusion.live_odometry import LiveOdometry
 from services.odometry_fusion.methods import run_log
 from services.odometry_fusion.motion_log import MotionLog, Remembered
@@ -28,7 +28,7 @@ SAVE_S: Final = 60.0
 async def run(node: Node, config: Config) -> None:
     """Give odometry until asked to stop; on without samples once they stay away."""
     # Subscribed before the kernels are ready: nothing said meanwhile is lost.
-    arrivals = node.arrivals(IMU, TACHO)
+    arrivals = node.arrivals(IMU, TACHO, WHEEL_SCALE)
     path = _state_path(node, config)
     starts, known = (0, None) if path is None else await node.in_thread(lambda: _read(node, path))
     await node.in_thread(lambda: _warm_up(config))
@@ -41,7 +41,10 @@ async def run(node: Node, config: Config) -> None:
         if path is not None:
             ticking.append(tasks.create_task(_save(node, live.odometry, path, starts + 1), name="state"))
         async for arrival in arrivals:
-            await live.take(arrival.message, arrival.fields["device"])
+            if isinstance(arrival.message, WheelScale):
+                live.odometry.take_scale(arrival.message)
+            else:
+                await live.take(arrival.message, arrival.fields["device"])
         for task in ticking:
             task.cancel()
     if path is not None:
@@ -127,7 +130,7 @@ async def _write(node: Node, path: Path, starts: int, known: Remembered | None) 
 SERVICE = Service(
     "odometry_fusion",
     Config,
-    reads=(IMU, TACHO),
+    reads=(IMU, TACHO, WHEEL_SCALE),
     writes=(ODOMETRY, SLIP_EPISODE),
     run=run,
     about="way gone and speed by wheel and inertial sensor, slips corrected, with the error that is vouched for",

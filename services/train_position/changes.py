@@ -6,6 +6,7 @@ from schemas.message import Message
 from schemas.position import BranchEvidence, TrainChange
 from services.train_position.held import Held
 from services.train_position.makeup import changed, refusal
+from services.train_position.scale_message import unknown_scale
 
 
 def apply_change(held: Held, change: TrainChange) -> list[Message]:
@@ -37,7 +38,8 @@ def apply_change(held: Held, change: TrainChange) -> list[Message]:
     places = held.places()
     if change.note:
         text = f"{text} ({change.note[:200]})"
-    return [held.event("change", text, change.t_ns, None if places is None else held.estimate_m(places))]
+    told: list[Message] = [held.event("change", text, change.t_ns, None if places is None else held.estimate_m(places))]
+    return told + unknown_scale(held, change.t_ns, "wheels turned") if change.kind == "wheel_turned" else told
 
 
 def _make_up(held: Held, change: TrainChange) -> str:

@@ -132,6 +132,9 @@ class OdometrySteps:
 
     def _step(self, reach: Reach, odometry: Odometry, now: Instant) -> None:
         held = self._held
+        ratio = held.scale.apply(odometry.wheel_scale or 1.0)
+        if ratio != 1.0 and held.estimate is not None:
+            held.estimate.scale = (1.0 + held.estimate.scale) / ratio - 1.0
         share = max(reach.share, odometry.share_bound)
         reach.step(odometry, held.scale.now(share), max(now.way_m - held.narrowed_way_m, 0.0))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from schemas.message import Message
-from schemas.motion import Odometry
+from schemas.motion import Odometry, WheelScale
 from schemas.position import PositionEvent, ReferencePass, TrainPosition
 from schemas.topics import (
     BALISE,
@@ -23,6 +23,7 @@ from schemas.topics import (
     SLIP_EPISODE,
     TRAIN_CHANGE,
     TRAIN_POSITION,
+    WHEEL_SCALE,
 )
 from services.line.line_file import load_line
 from services.runtime.clock import LiveClock
@@ -64,6 +65,8 @@ class _Speaker:
                 case PositionEvent():
                     node.health.count(f"events_{message.kind}")
                     await node.publish(POSITION_EVENT, message)
+                case WheelScale():
+                    await node.publish(WHEEL_SCALE, message)
                 case _:
                     pass
         for reason in self._keeper.take_refusals():
@@ -179,7 +182,7 @@ SERVICE = Service(
         BALISE,
         TRAIN_CHANGE,
     ),
-    writes=(TRAIN_POSITION, REFERENCE_PASS, POSITION_EVENT),
+    writes=(TRAIN_POSITION, REFERENCE_PASS, POSITION_EVENT, WHEEL_SCALE),
     run=run,
     about="one position of the train on its line, with its bounds, from odometry, landmarks, satellites and balises",
 )

@@ -56,6 +56,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     learned_least: Number | None
     learned_greatest: Number | None
     turned: bool
+    applied_scale: Number = 1.0
     routes: tuple[str, ...]
     route: str | None
     track: str | None
@@ -101,6 +102,7 @@ def snapshot_of(held: Held) -> Snapshot | None:
         learned_least=None if learned is None else learned.least,
         learned_greatest=None if learned is None else learned.greatest,
         turned=held.scale.turned,
+        applied_scale=held.scale.applied,
         routes=tuple(sorted(held.branches.possible)),
         route=held.branches.route,
         track=held.track,
@@ -132,7 +134,7 @@ def restore(held: Held, kept: Snapshot, odometry: Odometry) -> list[Message]:
     )
     if held.reach.sense == 0:
         held.reach.sense = kept.sense
-    held.scale.turned = kept.turned
+    held.scale.turned, held.scale.applied = kept.turned, kept.applied_scale
     if kept.learned_least is not None and kept.learned_greatest is not None:
         held.scale.learned = Scale(kept.learned_least, kept.learned_greatest)
     if kept.routes and all(held.branches.knows(one) for one in kept.routes):

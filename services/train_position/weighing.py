@@ -12,6 +12,7 @@ from services.train_position.claims import STREAM, Claim, Interval, offsets_of
 from services.train_position.estimate import Estimate
 from services.train_position.held import Held, Said, is_reference
 from services.train_position.reach import Instant
+from services.train_position.scale_message import learned_scale
 
 SCALE_SIGMAS: Final = 3.0
 """What the odometry vouches for is taken for so many standard deviations of the wheel's scale."""
@@ -123,12 +124,12 @@ def _taken(held: Held, claim: Claim, then: Instant) -> list[Message]:
         held.satellites_ns = max(claim.t_ns, held.satellites_ns or claim.t_ns)
     if is_reference(claim) and claim.branch is not None:
         told += decide(held, claim, now)
-    if held.belief.contradicted or held.blind or claim.source not in {"landmark", "balise", STREAM}:
+    if now is None or held.belief.contradicted or held.blind or claim.source not in {"landmark", "balise", STREAM}:
         return told
     wrong = held.scale.reference(claim, then, held.reach.sense)
     if wrong:
         told.append(held.event("change", wrong, claim.t_ns, claim.axis_m))
-    return told
+    return told if claim.source == STREAM else told + learned_scale(held, now.t_ns, claim.name)
 
 
 def decide(held: Held, claim: Claim, now: Instant | None) -> list[Message]:

@@ -19,6 +19,8 @@ APART_M: Final = 250.0
 MOST_ENDS: Final = 8
 STRAIGHT_SHARE: Final = 0.01
 """To and fro may be so much of the way between the ends at most."""
+LARGEST_TOLD: Final = 0.012
+"""A scale known less well is of no use to the odometry."""
 CREDIBLE: Final = 0.2
 """A scale further from 1 is a mistake in something else."""
 
@@ -44,6 +46,32 @@ class WheelScale:
         self._wander = wander_share
         self._turned_share = turned_share
         self._ends: list[End] = []
+        self.applied = 1.0
+        """Scale that the odometry multiplies by already."""
+        self.stretches = 0
+        """Pairs of references that have told what is learned."""
+
+    def apply(self, scale: float) -> float:
+        """The odometry multiplies by `scale` from now on; returns the ratio to what it did before.
+
+        What was learned is what its distances lacked: so much of it is done. Ends counted in both ways do not mix.
+        """
+        ratio = scale / self.applied
+        if ratio != 1.0:
+            self.applied = scale
+            self._ends.clear()
+            if self.learned is not None:
+                self.learned = Scale(*((1.0 + one) / ratio - 1.0 for one in self.learned))
+        return ratio
+
+    def told(self) -> tuple[float, float] | None:
+        """True over nominal diameter, and its standard deviation; None while it is not known well."""
+        if self.learned is None:
+            return None
+        half = (self.learned.greatest - self.learned.least) / 2.0 + self._wander
+        if half > LARGEST_TOLD:
+            return None
+        return self.applied * (1.0 + (self.learned.least + self.learned.greatest) / 2.0), half / 3.0
 
     def now(self, share_bound: float) -> Scale:
         """Limits for the step at hand, given what the odometry vouches for."""
@@ -57,12 +85,12 @@ class WheelScale:
 
     def turn(self) -> None:
         """Wheels were turned or changed."""
-        self.turned, self.learned = True, None
+        self.turned, self.learned, self.stretches = True, None, 0
         self._ends.clear()
 
     def forget(self) -> None:
         """Drop what was learned, where it has proved wrong."""
-        self.learned = None
+        self.learned, self.stretches = None, 0
         self._ends.clear()
 
     def restart(self) -> None:
@@ -77,6 +105,7 @@ class WheelScale:
         found = [one for one in (_scale(end, here, sense) for end in self._ends) if one is not None]
         self._keep(here)
         for one in found:
+            self.stretches += 1
             known = self.learned
             if known is None:
                 self.learned = one

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import pytest
 
-from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock
+from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock, WheelScale
 from schemas.topic import Place
-from schemas.topics import IMU, ODOMETRY, SLIP_EPISODE, TACHO
+from schemas.topics import IMU, ODOMETRY, SLIP_EPISODE, TACHO, WHEEL_SCALE
 from services.odometry_fusion.methods import run_log
 from services.odometry_fusion.row_messages import episode_of, odometry_of
 from services.odometry_fusion.service import SERVICE
@@ -33,7 +34,7 @@ async def _idle(node: Node, config: NoConfig) -> None:
     del node, config
 
 
-WRITER = Service("writer", NoConfig, reads=(), writes=(IMU, TACHO), run=_idle, about="speaks")
+WRITER = Service("writer", NoConfig, reads=(), writes=(IMU, TACHO, WHEEL_SCALE), run=_idle, about="speaks")
 READER = Service("reader", NoConfig, reads=(ODOMETRY, SLIP_EPISODE), writes=(), run=_idle, about="hears")
 
 
@@ -46,7 +47,13 @@ class Heard:
         self.counts: dict[str, int] = {}
 
 
-def served(blocks: list[tuple[ImuBlock | TachoBlock, str]], config: Config, *, silence_s: float = 0.0) -> Heard:
+def served(
+    blocks: list[tuple[ImuBlock | TachoBlock, str]],
+    config: Config,
+    *,
+    silence_s: float = 0.0,
+    scale: WheelScale | None = None,
+) -> Heard:
     """Everything that the service says to blocks, each at its time."""
     found = Heard()
 
@@ -65,8 +72,11 @@ def served(blocks: list[tuple[ImuBlock | TachoBlock, str]], config: Config, *, s
         listening = asyncio.ensure_future(hear(reader))
         running = asyncio.ensure_future(node.run(config))
         await node.is_ready.wait()
+        untold = [] if scale is None else [scale]
         for block, device in blocks:
             await asyncio.sleep(max(0.0, (block.t_ns - clock.now_ns()) * 1e-9))
+            if untold and block.t_ns >= untold[0].t_ns:
+                await writer.publish(WHEEL_SCALE, untold.pop())
             if isinstance(block, ImuBlock):
                 await writer.publish(IMU, block, device=device)
             else:
@@ -128,6 +138,37 @@ def test_state_survives_a_restart_and_names_a_new_origin(tmp_path: Path) -> None
     assert learned != 0.0
     # Under way from its first sample on, the second run has nothing else to go by.
     assert second.rows[0].gyro_bias_radps == learned
+
+
+def test_a_scale_told_by_references_is_used_at_once_and_kept_for_the_next_start(tmp_path: Path) -> None:
+    log, _, _ = run_of()
+    config = Config(method="fused", imu_latency_s=0.3, state_folder=str(tmp_path))
+    blocks = blocks_of(log)
+    told = WheelScale(t_ns=blocks[400][0].t_ns, scale=0.99, sigma=0.001, references=2)
+    plain, first = served(blocks[:800], config), served(blocks[:800], config, scale=told)
+    assert first.rows[0].wheel_scale is None
+    assert first.rows[-1].wheel_scale == 0.99
+    # 1.2 % for micro-slip and three standard deviations, instead of 3 % for a wheel that nobody knows.
+    assert (plain.rows[-1].share_bound, first.rows[-1].share_bound) == pytest.approx((0.03, 0.015))
+    after = [one.t_ns > told.t_ns + 1_000_000_000 for one in first.rows]
+    at = after.index(True)
+    gone_m, known_m = (rows[-1].distance_m - rows[at].distance_m for rows in (plain.rows, first.rows))
+    assert known_m == pytest.approx(0.99 * gone_m, rel=1e-6)
+    # What the former share left in the bound stays owed to the origin, and is no excess of a slip.
+    assert first.rows[-1].excess_m == pytest.approx(plain.rows[-1].excess_m, abs=0.01)
+    second = served(blocks[800:1200], config)
+    assert second.rows[-1].wheel_scale == 0.99
+    # Wheels may have been turned meanwhile: until a reference tells, all of wear is vouched for.
+    assert second.rows[-1].share_bound == pytest.approx(0.03)
+
+
+def test_an_absurd_scale_is_refused_and_counted() -> None:
+    log, _, _ = run_of()
+    blocks = blocks_of(log)[:400]
+    told = WheelScale(t_ns=blocks[200][0].t_ns, scale=1.5, sigma=0.001, references=2)
+    heard = served(blocks, Config(method="fused", imu_latency_s=0.3), scale=told)
+    assert heard.rows[-1].wheel_scale is None
+    assert heard.counts["wheel_scale_refused"] == 1
 
 
 def test_the_wheel_alone_is_served_too() -> None:

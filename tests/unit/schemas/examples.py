@@ -29,7 +29,7 @@ from schemas.gnss import (
 )
 from schemas.health import Health, InputHealth, ServiceEvent
 from schemas.message import Message
-from schemas.motion import ImuBlock, MotionWarning, Odometry, SlipEpisode, TachoBlock
+from schemas.motion import ImuBlock, MotionWarning, Odometry, SlipEpisode, TachoBlock, WheelScale
 from schemas.position import (
     BalisePassage,
     BranchChance,
@@ -231,6 +231,7 @@ EXAMPLES: dict[type[Message], Message] = {
         stop_demanded=False,
         reason="wheel and inertial sensor agree again",
     ),
+    WheelScale: WheelScale(t_ns=_T_NS, scale=0.9942, sigma=0.0012, references=3, reason="landmark R300-4"),
     MotionWarning: MotionWarning(t_ns=_T_NS, device="imu0", kind="frozen", active=True, reason="gz same for 1.2 s"),
     LandmarkMatch: LandmarkMatch(
         t_ns=_T_NS,

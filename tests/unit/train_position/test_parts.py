@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from schemas.motion import WheelScale as WheelScaleMessage
 from schemas.position import BranchEvidence, PositionEvent, Stretch, TrainChange
 from services.train_position.branches import Branches
 from services.train_position.claims import Claim, Interval
@@ -69,6 +70,42 @@ def test_a_scale_that_changed_is_forgotten() -> None:
     scale.reference(claim(1000.0, 1.0), instant(1000.0), 1)
     assert scale.reference(claim(2030.0, 1.0), instant(2000.0), 1)
     assert scale.now(0.02) == Scale(-0.02, 0.02)
+
+
+def test_a_scale_that_the_odometry_applies_is_not_applied_again() -> None:
+    scale = WheelScale(0.001, 0.05)
+    scale.reference(claim(1000.0, 2.0), instant(0.0), 1)
+    scale.reference(claim(2010.0, 2.0), instant(1000.0), 1)
+    # (1010 ± 4) / 1000, and 1 per mille of wander, are three standard deviations.
+    assert scale.told() == pytest.approx((1.010, 0.005 / 3.0))
+    assert scale.apply(1.010) == pytest.approx(1.010)
+    assert scale.learned == pytest.approx((-0.004 / 1.010, 0.004 / 1.010))
+    told = scale.told()
+    assert told is not None
+    assert told[0] == pytest.approx(1.010)
+    assert scale.apply(1.010) == 1.0
+
+
+def test_a_scale_known_badly_is_not_told() -> None:
+    scale = WheelScale(0.001, 0.05)
+    assert scale.told() is None
+    scale.reference(claim(0.0, 10.0), instant(0.0), 1)
+    scale.reference(claim(1000.0, 10.0), instant(1000.0), 1)
+    assert scale.told() is None
+
+
+def test_the_odometry_is_told_the_scale_and_of_turned_wheels() -> None:
+    run = run_with(Config())
+    run.wheel_error, run.speed_mps = 0.01, 20.0
+    run.go(1.0)
+    for name in ("C1", "C2", "C3"):
+        run.hear(run.landmark(name, 0.0, 2.0))
+        run.go(60.0)
+    run.hear(TrainChange(t_ns=run.t_ns, kind="wheel_turned"))
+    *_, known, forgotten = (one for one in run.heard if isinstance(one, WheelScaleMessage))
+    assert abs(known.scale - 1.01) <= 3.0 * known.sigma
+    assert known.references == 3
+    assert (forgotten.scale, forgotten.references) == (1.0, 0)
 
 
 def test_slips_to_and_fro_and_short_stretches_tell_no_scale() -> None:
