@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.track_circuit.cdma_qam import bits_per_block, receive_cdma_qam
 from services.track_circuit.circuit_samples import CLIPPED_SHARE, FULL_SCALE, Recording, Stretch
 from services.track_circuit.code_table import CodeTable, table_for
 from services.track_circuit.fsk import SHORTEST_S, WINDOW_S, Coded, decode, strongest
@@ -18,6 +20,8 @@ from services.track_circuit.telegram import Frame, TelegramScanner
 from services.track_circuit.telegram_acceptance import Acceptance
 
 FSK_STEP_S = 1.0
+LONGEST_FRAME_S = 120.0
+"""Of CDMA-QAM, which is received frame by frame."""
 PIECE_S = 30.0
 """Samples are read in pieces of this length: memory stays bounded."""
 
@@ -69,16 +73,6 @@ def code_payload(carrier_hz: float, code_hz: float) -> bytes:
     '427600a9'
     """
     return round(10.0 * carrier_hz).to_bytes(2, "big") + round(10.0 * code_hz).to_bytes(2, "big")
-
-
-def _pieces(recording: Recording) -> Iterator[tuple[Stretch, NDArray[np.float64]]]:
-    size = round(PIECE_S * recording.sample_rate_hz)
-    for stretch in recording.stretches:
-        for begin in range(stretch.begin, stretch.end, size):
-            end = min(begin + size, stretch.end)
-            before = begin - stretch.begin
-            part = Stretch(begin, end, stretch.first_sample + before, 0)
-            yield part, recording.taken(begin, end)
 
 
 def _sample_warnings(samples: NDArray[np.float64], at_s: float) -> list[str]:
@@ -170,32 +164,69 @@ def receive_recording(
     """Everything in a recording. Raises ReceiverRefusedError and ValueError where nothing can be received at all."""
     received = Received(warnings=list(recording.warnings))
     spread = SpreadSpectrum(profile, circuit, circuit_id, received)
-    following: Demodulator | None = None
-    parts: list[Demodulation] = []
-    begin_sample, ends = 0, {one.end for one in recording.stretches}
-    for stretch, samples in _pieces(recording):
-        begin_s = stretch.first_sample / recording.sample_rate_hz
-        received.warnings += _sample_warnings(samples, begin_s)
-        clean = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)
-        clean -= clean.mean()
-        if profile.scheme == "fsk":
-            codes = table_for(profile, table or CodeTable())
-            received.rows += list(_coded(clean, recording.sample_rate_hz, codes, circuit, begin_s))
-        else:
-            if following is None:
-                following = Demodulator(recording.sample_rate_hz, profile, receiver, stored)
-                parts, begin_sample = [], stretch.first_sample
-            parts.append(following.take(clean))
-            if stretch.end in ends:
-                parts.append(following.finish())
+    codes = table_for(profile, table or CodeTable())
+    rate_hz = recording.sample_rate_hz
+    for stretch in recording.stretches:
+        pieces = _pieces(recording, stretch, received, progress)
+        match profile.scheme:
+            case "fsk":
+                for begin, samples in pieces:
+                    begin_s = (stretch.first_sample + begin - stretch.begin) / rate_hz
+                    received.rows += list(_coded(samples, rate_hz, codes, circuit, begin_s))
+            case "cdma-qam":
+                frame = np.concatenate([samples for _, samples in pieces][: round(LONGEST_FRAME_S / PIECE_S)])
+                spread.take(_qam_frame(frame, rate_hz, profile), stretch.first_sample, rate_hz)
+            case "ss-cdma":
+                following = Demodulator(rate_hz, profile, receiver, stored)
+                parts = [*(following.take(samples) for _, samples in pieces), following.finish()]
                 heard = [part for part in parts if len(part.bit)]
-                spread.take(joined(heard) if heard else parts[-1], begin_sample, recording.sample_rate_hz)
-                following = None
-        if progress is not None:
-            progress(stretch.end / len(recording.samples))
+                spread.take(joined(heard) if heard else parts[-1], stretch.first_sample, rate_hz)
+            case _:
+                assert_never(profile.scheme)
     if len(recording.stretches) > 1:
         received.warnings.append(f"{len(recording.stretches) - 1} gaps in the samples")
     return received
+
+
+def _pieces(
+    recording: Recording, stretch: Stretch, received: Received, progress: Callable[[float], None] | None
+) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Samples of a stretch, piece by piece, without a constant and without what is no number."""
+    size = round(PIECE_S * recording.sample_rate_hz)
+    for begin in range(stretch.begin, stretch.end, size):
+        samples = recording.taken(begin, min(begin + size, stretch.end))
+        at_s = (stretch.first_sample + begin - stretch.begin) / recording.sample_rate_hz
+        received.warnings += _sample_warnings(samples, at_s)
+        clean = np.nan_to_num(samples, nan=0.0, posinf=0.0, neginf=0.0)
+        yield begin, clean - clean.mean()
+        if progress is not None:
+            progress(min(begin + size, stretch.end) / len(recording.samples))
+
+
+def _qam_frame(samples: NDArray[np.float64], rate_hz: float, profile: Profile) -> Demodulation:
+    """The bits of a CDMA-QAM frame, numbered from its first one."""
+    found = receive_cdma_qam(samples, rate_hz, profile)
+    soft = np.empty(0) if found is None else found.soft
+    count = len(soft)
+    per_bit = rate_hz * profile.code_length / profile.chip_rate_hz / bits_per_block(profile)
+    begin = 0.0 if found is None else found.begin + profile.qam_training * rate_hz / profile.chip_rate_hz
+    level_db = 10.0 * float(np.log10(np.mean(samples**2) + 1e-20))
+    return Demodulation(
+        symbol=np.arange(count, dtype=np.int64),
+        sample=begin + per_bit * np.arange(count, dtype=np.float64),
+        bit=(soft < 0.0).astype(np.int8),
+        soft=soft,
+        level_db=np.full(count, level_db),
+        evm_db=np.full(count, 0.0 if found is None else found.evm_db),
+        carrier_offset_hz=np.zeros(count),
+        clock_offset_ppm=np.zeros(count),
+        receiver="dfe",
+        taps=np.empty(0, np.complex128) if found is None else found.taps.forward,
+        error_db=np.empty(0),
+        constellation=np.empty(0, np.complex128) if found is None else found.points,
+        sync=None,
+        refused="" if found is not None else f"no CDMA-QAM training near {profile.carrier_hz:g} Hz",
+    )
 
 
 def _coded(

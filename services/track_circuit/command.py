@@ -137,7 +137,7 @@ def _stored(
     from services.track_circuit.coefficients import choose, taps_of
     from services.track_circuit.coefficients_store import read_store
 
-    if circuit is None or profile.scheme == "fsk":
+    if circuit is None or profile.scheme != "ss-cdma":
         return None, "", None
     choice = choose(read_store(store), circuit, profile, receiver)
     if choice.chosen is None:
@@ -306,8 +306,8 @@ def train(
         settings = _settings(configured(config), config, circuit)
         read = recording_of(recording, channel, rate)
         profile, name = _profile(read, settings), _receiver(receiver, settings)
-        if profile.scheme == "fsk":
-            msg = "frequency-coded circuits have no equaliser to train"
+        if profile.scheme != "ss-cdma":
+            msg = f"{read.name}: coefficients are kept for ss-cdma, not for {profile.scheme}"
             raise UsageError(msg)
         path = _store_path(store)
         before = read_store(path)

@@ -15,6 +15,7 @@ from typer.testing import CliRunner, Result
 
 from services.simulator.track_circuit_scene import SimulatedCircuit
 from services.simulator.track_circuit_settings import TrackCircuitSettings
+from services.track_circuit.cdma_qam import bits_per_block, modulate_cdma_qam
 from services.track_circuit.command import app
 from services.track_circuit.fsk import keyed
 from services.track_circuit.profile import Framing, Profile
@@ -168,3 +169,17 @@ def test_other_channels_and_gaps_in_a_recording(tmp_path: Path, simulated: NDArr
     symbols = np.array([int(row["symbol"]) for row in rows_of(tmp_path / "b.csv")])
     # Numbers rise; where the pilot's own number differs from what time says, whole periods of 1023 stand between.
     assert (np.diff(symbols) >= 1).all()
+
+
+def test_a_frame_of_cdma_qam_gives_its_bits(tmp_path: Path) -> None:
+    profile = Profile(scheme="cdma-qam", qam_order=16, pulse="root-raised-cosine")
+    bits = np.random.default_rng(4).integers(0, 2, 50 * bits_per_block(profile)).astype(np.int8)
+    sent = 0.2 * modulate_cdma_qam(bits, profile, float(RATE_HZ))
+    samples = np.concatenate([np.zeros(2000), sent, np.zeros(2000)])
+    path = recorded(tmp_path, samples, msgspec.to_builtins(profile))
+    result = asked("demodulate", path, "--out", tmp_path / "t.csv", "--bits", tmp_path / "b.csv", "--json")
+    assert result.exit_code == 0, result.stderr
+    found = [int(row["bit"]) for row in rows_of(tmp_path / "b.csv")]
+    assert found[: len(bits)] == bits.tolist()
+    refused = asked("train", path, "--circuit", "T12", "--store", tmp_path / "s.json")
+    assert (refused.exit_code, "cdma-qam" in refused.stderr) == (2, True)
