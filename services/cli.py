@@ -15,6 +15,7 @@ from services.recorder import command as recorder
 from services.runtime import bench_command, bus_command, demo_command, warm_up_command
 from services.runtime import command as runtime
 from services.simulator import command as simulator
+from services.track_circuit import command as track_circuit
 from services.train_position import command as position
 
 app = typer.Typer(
@@ -39,6 +40,7 @@ app.add_typer(motion.app, name="motion")
 app.add_typer(landmarks.app, name="landmarks")
 app.add_typer(position.app, name="position")
 app.add_typer(line.app, name="line")
+app.add_typer(track_circuit.app, name="track-circuit")
 app.command()(simulator.simulate)
 app.command()(simulator.fault)
 app.command()(bus_command.topics)
