@@ -41,11 +41,23 @@ class NormalEquations:
         self.energy += float(np.sum(np.abs(observed) ** 2))
         self.rows += len(regressors)
 
-    def solve(self) -> NDArray[np.complex128]:
-        """The response, shape (2, taps)."""
+    def solve(self, spread: float = 0.0) -> NDArray[np.complex128]:
+        """The response, shape (2, taps).
+
+        `spread` > 0 holds down taps away from the strongest path: what the chips do not excite, a short response
+        interpolates over frequency.
+        """
         size = len(self.matrix)
-        weight = RIDGE * float(np.trace(self.matrix)) / size + 1e-30
-        return np.asarray(np.linalg.solve(self.matrix + weight * np.eye(size), self.right).T, np.complex128)
+        level = float(np.trace(self.matrix)) / size + 1e-30
+        away = (np.arange(size) - LEAD - 0.5) / size
+        weight = level * (RIDGE + spread * away**2)
+        return np.asarray(np.linalg.solve(self.matrix + np.diag(weight), self.right).T, np.complex128)
+
+    def misfit(self, taps: NDArray[np.complex128]) -> float:
+        """Share of the samples' energy that the response does not explain."""
+        explained = 2.0 * float(np.sum(np.conj(taps.T) * self.right).real)
+        fitted = float(np.sum((taps @ self.matrix) * np.conj(taps)).real)
+        return (self.energy - explained + fitted) / (self.energy + 1e-30)
 
     def copy(self) -> NormalEquations:
         """An independent copy."""

@@ -7,6 +7,8 @@ and the likelihood is Re sum_m d_m (2 y_m - 2 rho_1 d_{m-1}) up to a constant (U
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +29,8 @@ from services.track_circuit.warm_start import ALIGN_SYMBOLS
 
 MEMORY = 0.8
 """Share of the channel estimate's sums kept from one burst to the next."""
+SHORT = 3.0
+"""How strongly a second beginning prefers short responses."""
 ROUNDS = 2
 """Decide, estimate the channel with the decisions, decide again."""
 
@@ -74,6 +78,17 @@ def signs(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(values < 0.0, -1.0, 1.0)
 
 
+@dataclass(frozen=True, slots=True)
+class _Refined:
+    """A burst decided over and over."""
+
+    sums: NormalEquations
+    taps: NDArray[np.complex128]
+    soft: NDArray[np.float64]
+    points: NDArray[np.complex128]
+    errors: list[float]
+
+
 class MlseReceiver:
     """The default receiver: within 0.3 dB of the matched-filter bound where the response is shorter than a symbol."""
 
@@ -104,24 +119,36 @@ class MlseReceiver:
             taps = self._from_pilot(burst, pilot_chips)
         else:
             taps = self._taps if self._aligned else self._with_gain(burst, pilot_chips, self._taps)
-        sums, errors = self._sums, []
-        soft, points = self._decide(burst, taps, pilot_chips)
+        refined = self._refined(burst, pilot_chips, self._decide(burst, taps, pilot_chips)[0])
+        if self._taps is None and burst.known is None:
+            # A row that hardly excites CH1's band leaves that band open: of several beginnings the best fit counts.
+            short = self._decide(burst, self._from_pilot(burst, pilot_chips, SHORT), pilot_chips)[0]
+            others = [self._refined(burst, pilot_chips, soft) for soft in (short, -short)]
+            refined = min([refined, *others], key=lambda one: one.sums.misfit(one.taps))
+        self._sums, self._taps, self._aligned = refined.sums, refined.taps, True
+        error_db = 10.0 * np.log10(np.asarray(refined.errors) + 1e-12)
+        return Reception(refined.soft, refined.points, float(error_db[-1]), refined.taps, error_db)
+
+    def _refined(self, burst: Burst, pilot_chips: NDArray[np.float64], soft: NDArray[np.float64]) -> _Refined:
+        """The response with first decisions, decisions with that, and so on."""
+        sums, taps, points = self._sums, np.zeros((2, TAPS), np.complex128), np.zeros(len(soft), np.complex128)
+        errors = []
         for _ in range(ROUNDS):
             symbols = signs(soft) if burst.known is None else np.where(burst.known == 0.0, signs(soft), burst.known)
             sums = self._with_decisions(burst, pilot_chips, symbols)
             taps = sums.solve()
             soft, points = self._decide(burst, taps, pilot_chips)
             errors.append(float(np.mean(np.abs(points - signs(soft)) ** 2)))
-        self._sums, self._taps, self._aligned = sums, taps, True
-        error_db = 10.0 * np.log10(np.asarray(errors) + 1e-12)
-        return Reception(soft, points, float(error_db[-1]), taps, error_db)
+        return _Refined(sums, taps, soft, points, errors)
 
-    def _from_pilot(self, burst: Burst, pilot_chips: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def _from_pilot(
+        self, burst: Burst, pilot_chips: NDArray[np.float64], spread: float = 0.0
+    ) -> NDArray[np.complex128]:
         """The response from CH2 alone: delay-and-add takes CH1 away."""
         sums = NormalEquations()
         rows = delay_and_add(rows_of(pilot_chips)).real
         sums.add(rows, delay_and_add(observed_rows(burst.samples, len(pilot_chips))))
-        return sums.solve()
+        return sums.solve(spread)
 
     def _with_gain(
         self, burst: Burst, pilot_chips: NDArray[np.float64], stored: NDArray[np.complex128]

@@ -65,6 +65,16 @@ def test_pilot_numbers_go_on_where_a_recording_begins_late() -> None:
     assert np.array_equal(found.bit, BITS)
 
 
+@pytest.mark.parametrize("row", [3, 13, 15])
+def test_rows_that_hardly_excite_ch1s_band_do_not_lead_mlse_astray(row: int) -> None:
+    profile = replace(PROFILE, ch2_row=row)
+    clean = shaped(chips(BITS, profile), profile, RATE_HZ)
+    clean[12:] += 0.5j * clean[:-12]
+    noise = np.random.default_rng(17).normal(size=len(clean))
+    found = demodulate(passband(clean, profile.carrier_hz, RATE_HZ, 1.0) + noise, RATE_HZ, profile)
+    assert np.array_equal(found.bit, BITS)
+
+
 def test_lost_samples_are_noticed_and_numbers_stay_right() -> None:
     samples = recording()
     found = demodulate(np.concatenate([samples[:20_000], samples[20_477:]]), RATE_HZ, PROFILE)
