@@ -34,6 +34,8 @@ class LivePiece:
     error_db: NDArray[np.float64]
     carrier_offset_hz: float
     clock_offset_ppm: float
+    lines_hz: tuple[float, ...]
+    """Foreign tones that were taken out."""
 
 
 class Following:
@@ -84,6 +86,7 @@ class Following:
                     error_db=found.error_db,
                     carrier_offset_hz=float(found.carrier_offset_hz[last]),
                     clock_offset_ppm=float(found.clock_offset_ppm[last]),
+                    lines_hz=found.lines_hz,
                 )
             )
         return pieces

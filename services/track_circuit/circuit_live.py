@@ -19,6 +19,7 @@ from schemas.track_circuit import (
     Telegram,
 )
 from services.track_circuit.circuit_following import Following, LivePiece
+from services.track_circuit.circuit_interference import ToneWatch
 from services.track_circuit.circuit_messages import circuit_health, equaliser_state
 from services.track_circuit.code_table import CodeTable, table_for
 from services.track_circuit.coefficients import WORST_EVM_DB, adapted, coefficients_of, drift, taps_of
@@ -96,6 +97,7 @@ class LiveCircuit:
         self._due = {"state": -1e18, "equaliser": -1e18, "health": -1e18}
         self._complaints: dict[str, str] = {}
         self._bad_samples = False
+        self._tones = ToneWatch(settings.profile)
         self._refused = ""
 
     def take(self, block: SampleBlock, now_ns: int, now_s: float) -> list[CircuitMessage]:
@@ -187,6 +189,11 @@ class LiveCircuit:
             self.health.clear_level(piece.level_db, piece.evm_db, now_s)
         if self.settings.learn and piece.evm_db < WORST_EVM_DB and (good if self._on_board else clear):
             messages += self._learn(piece, now_ns)
+        symbols_s = len(piece.bit) / self.settings.profile.symbol_rate_hz
+        tones = self._tones.take(piece.lines_hz, symbols_s, now_s)
+        if tones:
+            shown = ", ".join(f"{hz:.0f}" for hz in tones)
+            messages.append(self._event("interference", f"foreign tones at {shown} Hz", now_ns, piece.level_db))
         return messages
 
     def _telegram(self, frame: Frame, piece: LivePiece, block: SampleBlock) -> Telegram:

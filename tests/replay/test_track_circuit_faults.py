@@ -15,7 +15,7 @@ from services.track_circuit.code_table import CodeTable
 from services.track_circuit.coefficients import coefficients_of
 from services.track_circuit.profile import Profile
 from services.track_circuit.settings import CircuitSettings
-from services.track_circuit.traction_noise import TractionSettings
+from services.track_circuit.traction_noise import InverterLine, TractionSettings
 
 START_NS = 1_795_305_600_000_000_000
 OURS = CircuitSettings(name="TC1", circuit_id=1)
@@ -179,6 +179,16 @@ def test_traction_noise_of_some_strength_is_lived_with() -> None:
     noise = TractionSettings(white_rms=5e-3, comb_amplitude=0.02, impulses_per_s=5.0, impulse_amplitude=0.5)
     heard = run(TrackCircuitSettings(noise=noise), 5.0)
     assert heard.telegrams()["good"] >= 8
+
+
+def test_a_foreign_tone_is_told_once() -> None:
+    noise = TractionSettings(white_rms=1e-3, lines=(InverterLine(hz=12_333.0, amplitude=0.2),))
+    heard = run(TrackCircuitSettings(noise=noise), 6.0)
+    told = heard.events("interference")
+    assert len(told) == 1
+    assert told[0] == "foreign tones at 12333 Hz"
+    assert heard.telegrams()["good"] >= 10
+    assert run(TrackCircuitSettings(), 4.0).events("interference") == []
 
 
 def test_a_sender_on_a_fast_clock_is_followed() -> None:
