@@ -73,6 +73,8 @@ class Held:
     """Way of the odometry at the newest reference."""
     track: str | None = None
     stop_demanded: bool = False
+    astray: bool = False
+    """The odometry has not found the end of a slip: what it says of way and speed until then is not relied on."""
     said: dict[Source, Said] = field(default_factory=dict)
     refused: dict[str, int] = field(default_factory=dict)
     """Messages that were refused, by kind of reason."""

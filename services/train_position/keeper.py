@@ -108,7 +108,9 @@ class PositionKeeper:
         return [] if told is None else told + self._after_step(now_ns)
 
     def on_slip(self, episode: SlipEpisode) -> list[Message]:
-        """Hear of a slip: without re-adhesion the train is to be stopped."""
+        """Hear of a slip: without re-adhesion the train is to be stopped, and the odometry no longer believed."""
+        if episode.phase == "not_found" and episode.origin == self.held.origin:
+            self.held.astray = True
         if not episode.stop_demanded or self.held.stop_demanded:
             return []
         self.held.stop_demanded = True

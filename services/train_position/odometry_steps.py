@@ -43,6 +43,8 @@ class OdometrySteps:
         self._refused = 0
         self._left: _Left | None = None
         self._heard_ns: int | None = None
+        self._adhering: Odometry | None = None
+        """Newest message while the wheels adhered: its speed can be relied on."""
 
     def step(self, odometry: Odometry) -> list[Message] | None:
         """Take a message; returns events, or None when it was refused and nothing moved."""
@@ -89,7 +91,9 @@ class OdometrySteps:
 
     def _go_on(self, odometry: Odometry, now: Instant) -> list[Message] | None:
         held = self._held
-        if odometry.status == "lost":
+        if odometry.slip == 0:
+            held.astray = False
+        if odometry.status == "lost" or held.astray:
             if odometry.t_ns <= now.t_ns:
                 return None
             self._leave(now)
@@ -163,8 +167,22 @@ class OdometrySteps:
         held = self._held
         if self._left is None and not held.blind:
             estimate_m = None if held.estimate is None else held.estimate.axis_m
-            self._left = _Left(now, held.reach.share, held.belief.offsets(), estimate_m, held.changes)
+            # What it counts in a slip whose end it cannot find is no way that it could tell later.
+            offsets = None if held.astray else held.belief.offsets()
+            self._left = _Left(now, held.reach.share, offsets, estimate_m, held.changes)
+        if not held.blind:
+            self._doubt_speed(now)
         held.blind = True
+
+    def _doubt_speed(self, now: Instant) -> None:
+        """In a slip the odometry's speed may be anything: physics goes on from the one before."""
+        held, before = self._held, self._adhering
+        slipping = held.odometry is not None and held.odometry.slip != 0
+        if before is None or not slipping or before.t_ns >= now.t_ns:
+            return
+        since_s = (now.t_ns - before.t_ns) / 1e9
+        gained_mps = held.config.most_acceleration_mps2 * since_s
+        held.reach.doubt_speed(before.speed_mps, before.speed_bound_mps + gained_mps)
 
     def _grope(self, t_ns: int) -> list[Message]:
         """Go on by physics alone; the place is lost when nothing has told it for too long."""
@@ -226,6 +244,8 @@ class OdometrySteps:
         if odometry.status != "lost":
             held.origin = odometry.origin
         held.odometry = odometry
+        if odometry.slip == 0 and odometry.status != "lost":
+            self._adhering = odometry
         now = held.reach.now
         if held.estimate is not None and before is not None and now is not None and not held.blind:
             held.estimate.move(before, now)

@@ -235,6 +235,13 @@ class Reach:
         following = now._replace(t_ns=t_ns, speed_bound_mps=bound_mps)
         self._add(self._moved(following, now, mean_m, doubt_m, limit * dt_s))
 
+    def doubt_speed(self, speed_mps: float, bound_mps: float) -> None:
+        """Hold another speed at the newest instant, before `blind` goes on from it."""
+        limit = self._physics.speed_mps
+        self._instants[-1] = self._instants[-1]._replace(
+            speed_mps=speed_mps, speed_bound_mps=min(bound_mps, limit + abs(speed_mps))
+        )
+
     def shift(self, least_m: float, greatest_m: float) -> None:
         """Move the front end along the train, by something between these (towards rising `axis_m`)."""
         now = self._instants.pop()

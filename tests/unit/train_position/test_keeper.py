@@ -391,6 +391,56 @@ def test_a_stop_is_demanded_until_the_train_stands() -> None:
     assert not run.position.stop_demanded
 
 
+def test_an_odometry_gone_astray_in_a_slip_is_not_believed_any_more() -> None:
+    run = run_with()
+    run.go(20.0, 1.0)
+    run.hear(run.front_end(0.0, 5.0))
+    run.go(0.1)
+    slipping = {"slip": -1, "speed_bound_mps": 1.0, "provisional_m": 60.0}
+    for k in range(200):
+        # It takes the train to speed up by 2.5 m/s² while it runs at 20 m/s, and notices after ten seconds that all is
+        # not well; thereafter its word for the way is not true either.
+        run.go(0.1, silent=True)
+        if k == 100:
+            run.hear(
+                SlipEpisode(
+                    t_ns=run.t_ns,
+                    origin="o1",
+                    episode=1,
+                    phase="not_found",
+                    slip=-1,
+                    start_t_ns=run.t_ns,
+                    correction_s=10.0,
+                    bound_m=60.0,
+                    stop_demanded=True,
+                    reason="no re-adhesion",
+                )
+            )
+        lie_m = 0.5 * min(k, 100) / 100.0 * 100.0 + (10.0 * (k - 100) if k > 100 else 0.0)
+        mistaken = {"distance_m": run.distance_m + lie_m, "way_m": run.way_m + lie_m, "speed_mps": 20.0 + 0.25 * k}
+        run.heard += run.keeper.on_odometry(run.odometry(**(slipping | mistaken)))
+        run.require_true()
+    assert run.status() == "degraded"
+    assert run.position.stop_demanded
+
+
+@pytest.mark.parametrize("first_m", [4.0, 30.0])
+def test_a_match_with_a_looser_bound_does_not_widen_the_position(first_m: float) -> None:
+    run, other = run_with(), run_with()
+    for one in (run, other):
+        one.go(10.0, 1.0)
+        one.hear(one.front_end(0.0, first_m))
+        one.go(1.0)
+    run.hear(run.landmark("C1", 2.0, first_m + 20.0))
+    for one in (run, other):
+        one.go(0.1)
+        one.require_true()
+    (least_m, greatest_m), (low_m, high_m) = run.margin_m(), other.margin_m()
+    assert low_m <= least_m
+    assert greatest_m <= high_m
+    assert greatest_m - least_m <= high_m - low_m
+
+
 def test_the_occupied_stretch_is_the_train_and_its_bounds() -> None:
     run = run_with()
     run.go(10.0, 1.0)

@@ -1,0 +1,106 @@
+"""Faults of sensors under a whole simulated train: the position tells them, and its bounds hold all the same.
+
+No satellites and no balises: what the odometry makes of a fault is what the position has, and landmarks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+import pytest
+
+from benchmarks.position import known_start, scenario_of
+from benchmarks.whole_train import Chain, Judge, judge_of
+from schemas.position import FaultKind, TrainPosition
+from services.simulator.motion_settings import Adhesion, Tacho
+from services.simulator.train_scenario import Journey, TimedFault, TrainScenario
+from services.train_position.evaluation import judge
+from services.train_position.positions_file import positions_of, truth_of
+
+FAULT_S = 70.0
+"""Since the start: at 15 m/s, half-way between two curves."""
+RUN_S = 105.0
+
+
+def scenario(**changes: object) -> TrainScenario:
+    """The demo line without slips, from Kirihama on."""
+    dry = {"adhesion": Adhesion()}
+    return msgspec.structs.replace(scenario_of(Journey(), 3, outages=False), **(dry | changes))
+
+
+def driven(made: TrainScenario, seconds: float = RUN_S) -> tuple[Chain, Judge]:
+    """The scenario's run with its start known within 5 m."""
+    found = judge_of("odometry and landmarks", facing="up", balises=False, fixes=False)
+    chain = Chain(made, 3, [found])
+    chain.run(0.1)
+    chain.tell(known_start(chain, chain.truth[-1].axis_m))
+    chain.run(seconds)
+    return chain, found
+
+
+def require_true(chain: Chain, found: Judge) -> None:
+    figures = judge(positions_of("run", found.positions), truth_of(chain.truth))
+    assert figures.compared > 0
+    assert figures.within == figures.compared, figures
+
+
+def degraded(one: TrainPosition) -> bool:
+    return one.status == "degraded" and "odometry degraded" in one.reason
+
+
+def told_by_odometry(chain: Chain, found: Judge) -> bool:
+    """The odometry names it, and the position is degraded for that reason."""
+    return any(one.status == "degraded" for one in chain.rows) and any(map(degraded, found.positions))
+
+
+def told_as_slip(chain: Chain, found: Judge) -> bool:
+    """An episode is told; while it lasts the bounds have its provisional part in them."""
+    began = {one.slip for one in chain.episodes if one.phase == "began"}
+    return bool(began) and any(one.slip != 0 for one in found.positions)
+
+
+def harmless(chain: Chain, found: Judge) -> bool:
+    """Nothing changes: the position stays valid."""
+    return not chain.episodes and {one.status for one in found.positions[1:]} == {"valid"}
+
+
+FAULTS: dict[FaultKind, Callable[[Chain, Judge], bool]] = {
+    "imu_lost": told_by_odometry,
+    "imu_frozen": told_by_odometry,
+    "imu_saturated": told_by_odometry,
+    "imu_late": told_by_odometry,
+    "tacho_late": told_by_odometry,
+    "tacho_lost": told_by_odometry,
+    "tacho_stuck": told_as_slip,
+    "tacho_missing_teeth": told_as_slip,
+    "tacho_reset": harmless,
+    "gyro_bias": told_as_slip,
+    "accelerometer_bias": told_as_slip,
+    "slide": told_as_slip,
+    "spin": told_as_slip,
+}
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_a_fault_is_told_and_the_bounds_hold(kind: FaultKind) -> None:
+    seconds = 6.0 if kind in {"slide", "spin"} else 25.0
+    chain, found = driven(scenario(faults=(TimedFault(kind=kind, at_s=FAULT_S, seconds=seconds),)))
+    require_true(chain, found)
+    assert FAULTS[kind](chain, found), ([one.phase for one in chain.episodes], found.positions[-1].reason)
+
+
+def test_a_counter_that_wraps_changes_nothing() -> None:
+    wrapping, plain = (driven(scenario(tacho=Tacho(counter_bits=bits)), 60.0)[1] for bits in (8, 0))
+    assert wrapping.positions == plain.positions
+
+
+def test_a_wrong_wheel_diameter_stays_within_the_bounds_and_is_learned() -> None:
+    chain, found = driven(scenario(tacho=Tacho(wheel_scale=0.02)), 150.0)
+    require_true(chain, found)
+    assert sum(one.accepted for one in found.matches) >= 2
+
+
+def test_a_missing_tooth_is_a_wrong_diameter() -> None:
+    chain, found = driven(scenario(tacho=Tacho(missing_teeth=1)), 100.0)
+    require_true(chain, found)
