@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-AREAS = ("bus", "gnss", "landmarks", "motion", "replay", "start", "track-circuit")
+AREAS = ("bus", "gnss", "landmarks", "motion", "position", "replay", "start", "track-circuit")
 
 
 def bench(
