@@ -130,7 +130,7 @@ class LiveCircuit:
 
     def confirm(self, t_ns: int, now_ns: int, now_s: float) -> list[CircuitMessage]:
         """A person's word that the circuit is clear: its present level is the reference. Old words do not count."""
-        level_db = self.occupancy.verdict(now_s).level_db
+        level_db = self.occupancy.fresh_level_db(now_s)
         if abs(now_ns - t_ns) > CONFIRMATION_S * NS or level_db is None:
             reason = "without a signal there is no level to go by" if level_db is None else "it is too old"
             return [self._event("refused", f"a confirmation that the circuit is clear: {reason}", now_ns)]

@@ -93,6 +93,11 @@ class Occupancy:
         """
         self.reference_db, self.clear_s = reference_db, t_s
 
+    def fresh_level_db(self, t_s: float) -> float | None:
+        """The level, if it was heard just now."""
+        silent = self._heard_s is None or t_s - self._heard_s > self._settings.silence_s
+        return None if silent else self._level_db
+
     def telegram(self, t_s: float) -> None:
         """A good telegram of this circuit was received."""
         self._telegram_s = t_s if self._telegram_s is None else max(t_s, self._telegram_s)

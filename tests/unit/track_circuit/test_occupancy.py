@@ -71,6 +71,12 @@ def test_silence_and_missing_telegrams_are_occupied() -> None:
     assert (verdict.state, verdict.reason, verdict.most_restrictive) == ("occupied", "no telegram in time", True)
 
 
+def test_a_level_of_long_ago_is_none_to_go_by() -> None:
+    one, t_s = clear_circuit()
+    assert one.fresh_level_db(t_s) == -20.0
+    assert one.fresh_level_db(t_s + 5.0) is None
+
+
 def test_no_signal_is_occupied() -> None:
     one, t_s = clear_circuit()
     t_s = fed(one, None, t_s, 1.0)
