@@ -59,7 +59,7 @@ def test_a_train_on_a_line_writes_line_place_and_recording(tmp_path: Path) -> No
 
 def test_the_same_scenario_and_seed_give_the_same_bytes(tmp_path: Path) -> None:
     for name, seed in (("one", None), ("same", None), ("other", 99)):
-        write_train_simulation(scenario("wet_leaves"), tmp_path / name, duration_s=70.0, seed=seed)
+        write_train_simulation(scenario("wet_leaves"), tmp_path / name, duration_s=40.0, seed=seed)
     files = sorted(path.name for path in (tmp_path / "one").iterdir())
     assert len(files) == 14
     for file in files:
@@ -71,7 +71,8 @@ def test_the_same_scenario_and_seed_give_the_same_bytes(tmp_path: Path) -> None:
 
 def test_faults_stand_in_the_log_and_progress_is_told(tmp_path: Path) -> None:
     told: list[float] = []
-    write_train_simulation(scenario("bad_sensors"), tmp_path, duration_s=160.0, progress=told.append)
+    blind = msgspec.structs.replace(scenario("bad_sensors"), gnss=None)
+    write_train_simulation(blind, tmp_path, duration_s=160.0, progress=told.append)
     assert told[-1] == 1.0
     assert told == sorted(told)
     imu = rows(tmp_path / "imu.parquet")
