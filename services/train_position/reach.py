@@ -24,7 +24,7 @@ HISTORY: Final = 6000
 STEP_NOISE_M: Final = 0.01
 """Standard deviation that one step of the odometry adds to the estimate: pulses, timing."""
 CREEP: Final = 1e-3
-"""Variance per metre [m]: under effort micro-slip of some per mille lasts for a few hundred metres, 1 m per kilometre."""
+"""Variance per metre [m]: under effort micro-slip of some per mille lasts for hundreds of metres, 1 m per kilometre."""
 BOUND_SIGMAS: Final = 3.0
 """A bound on what slips add is taken for so many standard deviations in the estimate."""
 SLACK_M: Final = 5.0
