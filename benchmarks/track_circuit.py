@@ -50,17 +50,21 @@ class Row:
 
 
 def _counted(
-    rail: Rail, snr_db: float, bits: int, seed: int, *, clock_ppm: float = 0.0, carrier_hz: float = 0.0
+    rail: Rail, snr_db: float, rounds: int, seed: int, *, clock_ppm: float = 0.0, carrier_hz: float = 0.0
 ) -> tuple[int, int]:
     """Wrong bits and bits of the whole chain; bits that were not given out count as half wrong."""
-    generator = np.random.default_rng([SEED, seed])
-    sent = generator.integers(0, 2, bits).astype(np.int8)
-    signal = send(sent, rail, clock_ppm=clock_ppm, carrier_hz=carrier_hz, phase_rad=float(generator.uniform(0.0, 6.28)))
-    samples = signal.noisy(snr_db, generator)
-    found = demodulate(samples / np.abs(samples).max(), RATE_HZ, PROFILE)
-    inside = (found.symbol >= 0) & (found.symbol < bits)
-    wrong = int(np.count_nonzero(found.bit[inside] != sent[found.symbol[inside]]))
-    return wrong + (bits - int(inside.sum())) // 2, bits
+    wrong = 0
+    for number in range(rounds):
+        generator = np.random.default_rng([SEED, seed, number])
+        sent = generator.integers(0, 2, BITS_PER_ROUND).astype(np.int8)
+        phase_rad = float(generator.uniform(0.0, 2.0 * math.pi))
+        signal = send(sent, rail, clock_ppm=clock_ppm, carrier_hz=carrier_hz, phase_rad=phase_rad)
+        samples = signal.noisy(snr_db, generator)
+        found = demodulate(samples / np.abs(samples).max(), RATE_HZ, PROFILE)
+        inside = (found.symbol >= 0) & (found.symbol < len(sent))
+        wrong += int(np.count_nonzero(found.bit[inside] != sent[found.symbol[inside]]))
+        wrong += (len(sent) - int(inside.sum())) // 2
+    return wrong, BITS_PER_ROUND * rounds
 
 
 def _loss(wrong: int, total: int, snr_db: float) -> str:
@@ -74,7 +78,7 @@ def error_rates(rounds: int) -> list[Row]:
     rows = []
     for quality in (2.0, 4.0, 6.0):
         for snr_db in (4.32, 6.16):
-            wrong, total = _counted(Rail(quality), snr_db, BITS_PER_ROUND * rounds, int(quality * 100 + snr_db))
+            wrong, total = _counted(Rail(quality), snr_db, rounds, int(quality * 100 + snr_db))
             loss = snr_db - snr_of(wrong / total)
             name = f"MLSE, Q = {quality:g}, {snr_db} dB"
             rows.append(
@@ -82,7 +86,7 @@ def error_rates(rounds: int) -> list[Row]:
             )
     snr_db = 6.16
     for ppm, hz in ((50.0, 5.0), (-50.0, -5.0)):
-        wrong, total = _counted(Rail(4.0), snr_db, BITS_PER_ROUND * rounds, 7, clock_ppm=ppm, carrier_hz=hz)
+        wrong, total = _counted(Rail(4.0), snr_db, rounds, 7, clock_ppm=ppm, carrier_hz=hz)
         loss = snr_db - snr_of(wrong / total)
         name = f"clock {ppm:+g} ppm, carrier {hz:+g} Hz, Q = 4"
         rows.append(
@@ -143,7 +147,7 @@ def qam(rounds: int) -> list[Row]:
     rows = []
     for order, snr_db, quality, wanted in ((16, 14.0, 2.0, 2e-5), (64, 18.5, 2.0, 1.5e-5), (16, 14.0, 4.0, None)):
         for name, feedback in (("FFE", 0), ("DFE", 4)):
-            wrong, total = qam_error_rate(order, snr_db, quality, 8 * rounds, feedback=feedback)
+            wrong, total = qam_error_rate(order, snr_db, quality, 20 * rounds, feedback=feedback)
             text = "" if wanted is None or not feedback else f"≤ {wanted:.1e}"
             met = None if not text or wanted is None else wrong / total <= wanted
             beside = f"theory {theoretical_ber(order, snr_db):.1e}"

@@ -20,11 +20,11 @@ LEAD = 5
 """Symbols before the present one that the feed-forward filter sees; its tail sees the rest after."""
 FEEDBACK_TAPS = 4
 """Symbols; 0 makes the equaliser feed-forward."""
-DECIDED_STEP = 0.03
+DECIDED_STEP = 0.05
 """NLMS step of the decision-directed part, at first."""
-PHASE_GAIN, FREQUENCY_GAIN = 0.03, 0.0003
-"""Second-order carrier loop, per symbol, at first: finds some 10 Hz at 4800 symbols/s."""
-SETTLE = 150.0
+PHASE_GAIN, FREQUENCY_GAIN = 0.02, 0.0001
+"""Second-order carrier loop, per symbol, at first: takes up what the training left of the offset."""
+SETTLE = 300.0
 """Symbols after which these gains have halved; the frequency gain falls with their square."""
 LEAST = 0.1
 """Share of them that stays."""
