@@ -108,6 +108,10 @@ def receive_cdma_qam(
     # The filters and the rail delay the signal by about a symbol: the last block ends with the samples.
     left = (count + begin - place) // 2 + 2 - begin - len(known)
     blocks = left // profile.code_length
+    # The carrier's offset blurs the training: measured once, taken off, trained anew.
+    per_symbol, _ = carrier_turn(from_training, known, taps)
+    from_training = from_training * np.exp(-0.5j * per_symbol * np.arange(len(from_training)))
+    taps = train(from_training, known, stored)
     turn = carrier_turn(from_training, known, taps)
     points = equalise(
         from_training[2 * len(known) :], taps, profile.qam_order, blocks * profile.code_length, known[::-1], turn
