@@ -11,16 +11,21 @@ import msgspec
 import pytest
 
 from benchmarks.position import known_start, scenario_of
-from benchmarks.whole_train import Chain, Judge, judge_of
+from benchmarks.whole_train import Chain, Judge, demo_landmarks, demo_places, judge_of
 from schemas.position import FaultKind, TrainPosition
+from services.landmark_matching.live_matching import LiveMatching
+from services.landmark_matching.settings import MatchSettings
+from services.odometry_fusion.live_odometry import LiveOdometry
 from services.simulator.motion_settings import Adhesion, Tacho
 from services.simulator.train_scenario import Journey, TimedFault, TrainScenario
 from services.train_position.evaluation import judge
+from services.train_position.keeper import PositionKeeper
 from services.train_position.positions_file import positions_of, truth_of
 
 FAULT_S = 70.0
 """Since the start: at 15 m/s, half-way between two curves."""
 RUN_S = 105.0
+C01_MIDDLE_M = 770.0
 
 
 def scenario(**changes: object) -> TrainScenario:
@@ -104,3 +109,35 @@ def test_a_wrong_wheel_diameter_stays_within_the_bounds_and_is_learned() -> None
 def test_a_missing_tooth_is_a_wrong_diameter() -> None:
     chain, found = driven(scenario(tacho=Tacho(missing_teeth=1)), 100.0)
     require_true(chain, found)
+
+
+def test_after_a_restart_in_a_curve_the_bounds_hold_and_a_landmark_confirms() -> None:
+    found = judge_of("odometry and landmarks", facing="up", balises=False, fixes=False)
+    chain = Chain(scenario(), 3, [found])
+    chain.run(0.1)
+    chain.tell(known_start(chain, chain.truth[-1].axis_m))
+    # C01 turns with a radius of 300 m from 740 to 800 m.
+    chain.run(RUN_S, until=lambda now: now.axis_m > C01_MIDDLE_M)
+    restart(chain, found)
+    begun = len(found.positions)
+    chain.run(70.0)
+    require_true(chain, found)
+    after = found.positions[begun:]
+    assert after[0].status == "degraded"
+    assert after[0].axis_m is not None
+    assert all(one.status == "degraded" for one in after if not confirmed(one, chain, found))
+    assert after[-1].status == "valid"
+
+
+def confirmed(position: TrainPosition, chain: Chain, found: Judge) -> bool:
+    """Whether a landmark has been met between the restart and a position."""
+    return any(one.t_ns <= position.t_ns and one.origin == chain.live.origin for one in found.matches if one.accepted)
+
+
+def restart(chain: Chain, found: Judge) -> None:
+    """Start odometry, matching and position anew: what they keep on disk is what they know."""
+    kept = found.keeper.snapshot()
+    config = found.keeper.held.config
+    chain.live = LiveOdometry(chain.odometry, "T1", 2, chain.live.remembered())
+    found.keeper = PositionKeeper(config, demo_places(), kept)
+    found.matching = LiveMatching(demo_landmarks(), MatchSettings(), 0.0, 0.0)
