@@ -36,7 +36,7 @@ from services.odometry_fusion.motion_log import Floats
 
 CREEP_TIME_S: Final = 2.0
 """Correlation time of micro-slip."""
-ATTITUDE_WALK: Final = 2e-4
+ATTITUDE_WALK: Final = 1.4e-4
 """Random walk of the attitude beside the gyro's noise (springs, accelerometer bias), rad per √s."""
 BIAS_WALK: Final = 1.5e-5
 LEAK_WALK: Final = 3e-4

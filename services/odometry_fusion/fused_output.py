@@ -54,6 +54,8 @@ MACRO_SHARE: Final = 0.018
 """A rim that is off by less of the speed creeps, and does not slip: adhesion is exceeded at 1 to 2 %."""
 LATE_TICKS: Final = 30
 """A slip that is only found when it has just ended is published all the same, for HOLD_TICKS."""
+DOUBTFUL: Final = 1.75
+"""What is open may come to so many times what ETCS allows for before the status is degraded, and the bound as it is."""
 CALM_SHARE: Final = 0.05
 SMOOTHING: Final = 0.3
 """Share of the newest in the acceleration that is held over the latency."""
@@ -216,7 +218,9 @@ def _bound(rule: Record, now: Record, provisional_m: float, reason: int, status:
     """Bound, never above what ETCS allows while all is well; else as large as it must be, and beyond that much lost."""
     most_m = allowed(now.way_m, now.distance_m)
     bound_m = rule.start_bound_m + rule.share * now.way_m + now.owed_m + now.excess_m + provisional_m
-    if status == VALID:
+    if status == VALID and provisional_m > DOUBTFUL * most_m:
+        status, reason = DEGRADED, BEYOND
+    elif status == VALID:
         # The parts are cautious one by one and their sum more so: errors stay below (docs/odometry_fusion.md).
         bound_m = min(bound_m, most_m)
     elif provisional_m > most_m:

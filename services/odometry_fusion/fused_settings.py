@@ -14,7 +14,7 @@ class FusedSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     share: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.03
     """Relative error of distance outside slips that is vouched for while the wheel's scale is not known better: wear
     of 2 % and micro-slip."""
-    known_share: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.012
+    known_share: Annotated[float, Meta(ge=0.001, le=0.05)] = 0.022
     """What is left of it beside three standard deviations of a wheel scale found from references."""
     longest_slip_s: Annotated[float, Meta(ge=5.0, le=120.0)] = 40.0
     """After so long without re-adhesion the train should be stopped."""

@@ -70,8 +70,8 @@ LEAST_QUIET: Final = 0.01
 is vibration."""
 AGREEING_TICKS: Final = 20
 MOVING_MPS: Final = 3.0
-LEAST_WALK: Final = 0.05
-PLAIN_WALK: Final = 0.25
+LEAST_WALK: Final = 0.04
+PLAIN_WALK: Final = 0.07
 """Least random walk of the slip speed, m/s per √s: while a slip is only suspected, and once it has shown. A slip
 speed that then keeps still speaks for adhesion."""
 MOST_WALK: Final = 4.0

@@ -131,6 +131,7 @@ STATE: Final[np.dtype[Any]] = np.dtype([
         "yaw_bias_radps",
         "rest_s",
         "apart_m",
+        "unseen_m",
         "rest_ax_mps2",
         "rest_ay_mps2",
         "proof_s",
@@ -181,6 +182,7 @@ REASONS: Final = (
     "re-adhesion not found: stop demanded",
     "re-adhesion was not found since the last standstill",
     "the inertial sensor's axes do not fit the vehicle's",
+    "the correction has lasted long: the error may exceed 5 m + 5 % of the way",
 )
 NO_IMU: Final = 1
 NO_PULSES: Final = 2
@@ -188,6 +190,7 @@ NO_SENSOR: Final = 3
 NOT_FOUND: Final = 4
 WAS_NOT_FOUND: Final = 5
 WRONG_AXES: Final = 6
+TOO_LONG: Final = 7
 
 
 def rules_of(settings: PaperSettings, vehicle: Vehicle) -> Records:

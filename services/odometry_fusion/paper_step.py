@@ -29,6 +29,7 @@ from services.odometry_fusion.paper_layout import (
     NO_SENSOR,
     NOT_FOUND,
     OVERDUE,
+    TOO_LONG,
     WAS_NOT_FOUND,
     WRONG_AXES,
 )
@@ -36,7 +37,7 @@ from services.odometry_fusion.paper_mounting import watch_mounting
 from services.odometry_fusion.paper_rest import departs_unseen, watch_rest
 from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, LONGEST_SILENCE_S, smooth
 from services.odometry_fusion.paper_track import FASTEST_MPS, present
-from services.odometry_fusion.paper_witness import FACTOR, dismiss, watch_wheel
+from services.odometry_fusion.paper_witness import FACTOR, FADING_S, dismiss, watch_wheel
 from services.odometry_fusion.tick_layout import Records
 
 HARDEST_MPS2 = 1.4
@@ -47,6 +48,9 @@ SLIP_M = 20.0
 """what a slip costs at worst in nine of ten cases."""
 USUAL_SLIP_S = 12.0
 """Nine of ten slips are over by then (Iwata et al., section 3.1.4: 10 s; and the windows' delay)."""
+DOUBTFUL = 1.75
+"""An episode that may cost so many times what ETCS allows for is told as it is, degraded: (13) is cautious, and errors
+stay below half of it."""
 LATEST_JERK_MPS3 = 1.0
 """By so much the acceleration may change while the sensor's latency passes."""
 
@@ -109,7 +113,8 @@ def _step(
         if stands:
             now.distrusted = 0
             dismiss(witnesses)
-        now.apart_m = 0.0 if stands else watch_wheel(ticks, smoothed, at, rule.correction, state, witnesses)
+        seen_m = 0.0 if stands else watch_wheel(ticks, smoothed, at, rule.correction, state, witnesses)
+        now.apart_m = max(seen_m, (1.0 - PERIOD_S / FADING_S) * now.apart_m)
         follow_ended(smoothed, at, rules, state, tracks)
         _watch_gap(tick.way_m, no_imu, state)
         now.forced = 1 if no_pulses else 0
@@ -120,6 +125,9 @@ def _step(
         )
         slips = slips or (smoothed[at].ready != 0 and departs_unseen(smoothed[at].ax_mps2, state))
         if (slips or no_pulses) and not no_imu and begin_episode(ticks, smoothed, at, rules, state, tracks):
+            # What witnesses saw before the start point: that may lie within a slip which built up slowly.
+            undone_m = tracks[0].distance_m - now.start_offset_m - smoothed[at].way_m
+            now.unseen_m = max(now.unseen_m, now.apart_m - abs(undone_m))
             m = distance_error(rules, tracks[0].t_s, now.since_rest_s)
             count = _note(events, count, row, BEGAN, state, tracks, 0.0, m)
     else:
@@ -164,7 +172,8 @@ def _correct(
     elif now.mode == OVERDUE:
         bound_m = resume_wheel(ticks, smoothed, at, rules, state, tracks)
     if bound_m >= 0.0:
-        now.excess_m += bound_m
+        now.excess_m += bound_m + now.unseen_m
+        now.unseen_m = 0.0
         count = _note(events, count, row, phase, state, tracks, now.offset_m - former_m, bound_m)
         if count > 0:
             events[count - 1].slip = slip
@@ -238,7 +247,7 @@ def _write(
         own.speed_mps, own.acceleration_mps2 = speed_mps + latest_mps2 * lead_s, latest_mps2
         own.gradient_permille = 1e3 * math.sin(tracks[0].pitch_rad)
         provisional_m += min(distance_error(rules, tracks[0].t_s, now.since_rest_s), FASTEST_MPS * tracks[0].t_s)
-        provisional_m += LATEST_JERK_MPS3 * lead_s**3
+        provisional_m += LATEST_JERK_MPS3 * lead_s**3 + now.unseen_m
         above_m, below_m = spread(state, tracks)
         own.distance_m += 0.5 * (above_m - below_m)
         provisional_m += 0.5 * FACTOR * (above_m + below_m)
@@ -262,8 +271,18 @@ def _write(
     own.sensed_m = own.distance_m - (tick.way_m - tick.aligned_m)
     own.status, own.reason = _status(now.mode, now.distrusted, no_imu, no_pulses)
     own.bound_m = rule.share * now.run_m + now.excess_m + provisional_m
-    if own.status == VALID and (now.mode == ADHERING or not unproven):
-        own.bound_m = min(own.bound_m, rule.cap_m + rule.cap_share * abs(own.distance_m))
+    _limit(rule, own, provisional_m, now.mode == ADHERING or not unproven)
+
+
+@kernel
+def _limit(rule: Records, own: Records, provisional_m: float, proven: bool) -> None:  # noqa: FBT001 - a kernel takes its arguments by place
+    """Not above what ETCS allows while the status is valid; far beyond it the status is not."""
+    if own.status == VALID and proven:
+        most_m = rule.cap_m + rule.cap_share * abs(own.distance_m)
+        if provisional_m > DOUBTFUL * most_m:
+            own.status, own.reason = DEGRADED, TOO_LONG
+        else:
+            own.bound_m = min(own.bound_m, most_m)
 
 
 @kernel

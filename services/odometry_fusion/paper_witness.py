@@ -12,6 +12,8 @@ from services.odometry_fusion.tick_layout import Records
 
 WITNESSES = 2
 RENEWAL_TICKS = 150
+FADING_S = 30.0
+"""What a witness saw fades so slowly after it was renewed: its successor began within the slip."""
 FACTOR = 1.3
 """A track renewed in the middle of a slip has missed what came before."""
 
