@@ -25,6 +25,8 @@ YAW: Final = 2
 YAW_AND_ROLL: Final = 3
 CORRECTIONS: Final = {"none": NONE, "constant": CONSTANT, "yaw": YAW, "yaw_and_roll": YAW_AND_ROLL}
 
+Record = Any
+"""One element of a record array, its fields by name."""
 MOST_TRACKS: Final = 8
 HISTORY: Final = 512
 """Ticks kept: the longest window, look-back and search fit."""

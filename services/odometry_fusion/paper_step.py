@@ -32,6 +32,7 @@ from services.odometry_fusion.paper_layout import (
     TOO_LONG,
     WAS_NOT_FOUND,
     WRONG_AXES,
+    Record,
 )
 from services.odometry_fusion.paper_mounting import watch_mounting
 from services.odometry_fusion.paper_rest import departs_unseen, watch_rest
@@ -275,7 +276,7 @@ def _write(
 
 
 @kernel
-def _limit(rule: Records, own: Records, provisional_m: float, proven: bool) -> None:  # noqa: FBT001 - a kernel takes its arguments by place
+def _limit(rule: Record, own: Record, provisional_m: float, proven: bool) -> None:  # noqa: FBT001 - a kernel takes its arguments by place
     """Not above what ETCS allows while the status is valid; far beyond it the status is not."""
     if own.status == VALID and proven:
         most_m = rule.cap_m + rule.cap_share * abs(own.distance_m)
