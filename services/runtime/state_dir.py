@@ -65,11 +65,13 @@ def _forget_old(current: Path) -> None:
 def prepare(state: Path, environment: MutableMapping[str, str]) -> str | None:
     """Make the state folder and let numba keep compiled kernels in it; returns a warning, or None.
 
-    Must come before numba is imported. Where the folder cannot be written, kernels go into
+    Must come before numpy and numba are imported. Where the folder cannot be written, kernels go into
     a fresh temporary folder (compiled code is never read from a folder that others can
     write), and the warning says so. A `NUMBA_CACHE_DIR` set by the user is kept.
     """
     environment[VARIABLE] = str(state)
+    # Several services share a host; matrices as small as ours are quicker on one thread than divided.
+    environment.setdefault("OPENBLAS_NUM_THREADS", "1")
     if environment.get("NUMBA_CACHE_DIR"):
         return None
     kernels = state / "kernels" / kernel_fingerprint()

@@ -21,20 +21,27 @@ from schemas.topics import (
     MOTION_TRUTH,
     SIMULATOR_FAULT,
     TACHO,
+    TRACK_CONFIRMATION,
+    TRACK_SAMPLES,
     TRAIN_CHANGE,
     TRAIN_TRUTH,
 )
+from schemas.track_circuit import ClearConfirmation
 from services.runtime.node import Node, Service
 from services.simulator.constellation import reference_time
 from services.simulator.scenario import Scenario
 from services.simulator.scenario_file import alignment_for, read_any_scenario
 from services.simulator.simulation import Simulation, utc_ns
+from services.simulator.track_circuit_scene import SimulatedCircuit
+from services.simulator.track_circuit_settings import TrackCircuitSettings
 from services.simulator.train_messages import TrainMessages
 from services.simulator.train_scenario import TrainScenario
 from services.simulator.train_simulation import TICK_NS, Tick, TrainSimulation
 
 LATEST_S: Final = 1.0
 """Epochs that could not be made in time (the host slept) are left out once they are later than this."""
+CONFIRMED_S: Final = 3.0
+"""A simulated circuit is said to be clear, as its scene begins, after so long."""
 DeviceName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")]
 
 
@@ -57,16 +64,43 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Seed of everything drawn; absent: the scenario's own."""
     under_way_s: Annotated[float, Meta(ge=0.0, le=86_400.0)] = 0.0
     """How long a whole train has been running when it is first heard: trains of a fleet follow each other."""
+    track_circuits: tuple[TrackCircuitSettings, ...] = ()
+    """Track circuits of a wayside site, simulated in place of a train."""
 
 
 async def run(node: Node, config: Config) -> None:
     """Publish until stopped: GPS time is the calendar's at the start and runs on by itself from there."""
+    if config.track_circuits:
+        await _run_circuits(node, config.track_circuits)
+        return
     scenario = await node.in_thread(lambda: read_any_scenario(config.scenario))
     seed = scenario.seed if config.seed is None else config.seed
     if isinstance(scenario, TrainScenario):
         await _run_train(node, config, scenario, seed)
     else:
         await _run_receiver(node, config, scenario, seed)
+
+
+async def _run_circuits(node: Node, circuits: tuple[TrackCircuitSettings, ...]) -> None:
+    start_ns, start_s = node.clock.now_ns(), node.clock.monotonic_s()
+
+    async def follow(settings: TrackCircuitSettings) -> None:
+        circuit = SimulatedCircuit(settings)
+        confirmed = False
+        while await node.sleep(max(start_s + circuit.next_s + settings.block_s - node.clock.monotonic_s(), 0.0)):
+            block = await node.in_thread(lambda: circuit.step(start_ns))
+            if block is not None:
+                await node.publish(TRACK_SAMPLES, block, circuit=settings.name)
+            if not confirmed and circuit.next_s >= CONFIRMED_S:
+                # As a person would who sees that no train stands there.
+                confirmed = True
+                word = ClearConfirmation(t_ns=node.clock.now_ns(), circuit=settings.name, by="simulator")
+                await node.publish(TRACK_CONFIRMATION, word, circuit=settings.name)
+
+    node.ready()
+    async with asyncio.TaskGroup() as group:
+        for settings in circuits:
+            group.create_task(follow(settings))
 
 
 class _Pace:
@@ -214,7 +248,9 @@ SERVICE = Service(
         BALISE,
         TRAIN_CHANGE,
         MOTION_TRUTH,
+        TRACK_SAMPLES,
+        TRACK_CONFIRMATION,
     ),
     run=run,
-    about="a train on a line with simulated sensors, and where it really is",
+    about="a train on a line with simulated sensors and where it really is, or the track circuits of a wayside site",
 )
