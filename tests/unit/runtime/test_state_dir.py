@@ -29,7 +29,8 @@ def test_kernels_are_kept_in_the_state_folder_apart_for_every_version_of_their_s
     environment: dict[str, str] = {}
     assert prepare(tmp_path / "state", environment) is None
     kernels = tmp_path / "state" / "kernels" / kernel_fingerprint()
-    assert environment == {VARIABLE: f"{tmp_path}/state", "NUMBA_CACHE_DIR": str(kernels)}
+    assert environment[VARIABLE] == f"{tmp_path}/state"
+    assert environment["NUMBA_CACHE_DIR"] == str(kernels)
     assert kernels.is_dir()
 
 
@@ -41,6 +42,15 @@ def test_kernels_of_sources_long_gone_are_removed(tmp_path: Path) -> None:
     prepare(tmp_path, {})
     left = {path.name for path in (tmp_path / "kernels").iterdir()}
     assert left == {"newest", "new", "old", kernel_fingerprint()}
+
+
+def test_small_matrices_are_not_divided_unless_the_user_says_so(tmp_path: Path) -> None:
+    ours: dict[str, str] = {}
+    theirs = {"OPENBLAS_NUM_THREADS": "4"}
+    for environment in (ours, theirs):
+        prepare(tmp_path, environment)
+    assert ours["OPENBLAS_NUM_THREADS"] == "1"
+    assert theirs["OPENBLAS_NUM_THREADS"] == "4"
 
 
 def test_a_folder_of_the_users_own_is_kept(tmp_path: Path) -> None:
