@@ -84,7 +84,8 @@ class Correction:
         self._store = EphemerisStore()
         self._solvers: dict[Method, Solver] = {method: Solver() for method in ("original", *self.methods)}
         self._smoothers = {m: CarrierSmoother(config.smooth_s) for m in self._solvers if config.smooth_s > 0.0}
-        self._robust = RobustFilter(config.acceleration_mps2, config.bound_factor)
+        published = "robust" in self.methods or "line" in self.methods
+        self._robust = RobustFilter(config.acceleration_mps2, config.bound_factor, watched=published)
         if line is None and "line" in self.methods:
             msg = "the method line needs a line"
             raise ValueError(msg)

@@ -101,14 +101,16 @@ def _run(
                 solution.outcome, solution.used = first.outcome, first.used
                 continue
             start(memory, first, t_s)
-            begin(seen, memory, bank)
+            if ours.watched > 0.0:
+                begin(seen, memory, bank)
         dt_s = t_s - now.t_s
         now.t_s = t_s
         now.common_m = given.common_m[epoch]
-        follow(seen, memory, bank, dt_s, rules, ours)
-        leave_out(seen, memory)
+        if ours.watched > 0.0:
+            follow(seen, memory, bank, dt_s, rules, ours)
+            leave_out(seen, memory)
         solution.used, solution.outcome = measure(seen, memory, dt_s, rules, ours)
-        if solution.used > 0:
+        if solution.used > 0 and ours.watched > 0.0:
             settle(seen, memory, bank, dt_s)
         _tell(solution, memory, bank, ours, dt_s)
 
@@ -116,11 +118,16 @@ def _run(
 class RobustFilter:
     """Filters blocks of epochs of one receiver; remembers what is needed from one block to the next."""
 
-    def __init__(self, acceleration_mps2: float, bound_factor: float) -> None:
-        """Know nothing yet; settings as in `settings.Config`."""
+    def __init__(self, acceleration_mps2: float, bound_factor: float, *, watched: bool = True) -> None:
+        """Know nothing yet; settings as in `settings.Config`.
+
+        Without being `watched` it is quicker and may be led astray by one satellite: good enough as evidence
+        about multipath, not for a position that is published.
+        """
         self._memory, self._bank = no_memory(), no_bank()
         self._ours = np.zeros(1, FILTER_RULES)
         self._ours["acceleration_mps2"], self._ours["bound_factor"] = acceleration_mps2, bound_factor
+        self._ours["watched"] = watched
 
     def solve(self, given: RobustInput, rules: np.void) -> Records:
         """Solutions (dtype ROBUST_SOLUTION) of a block of epochs; completes its rows in place.

@@ -62,8 +62,8 @@ NOW: Final = np.dtype([
     ),
 ])  # fmt: skip
 
-FILTER_RULES: Final = np.dtype([(name, np.float64) for name in ("acceleration_mps2", "bound_factor")])
-"""Settings of the filter: see `settings.Config`."""
+FILTER_RULES: Final = np.dtype([(name, np.float64) for name in ("acceleration_mps2", "bound_factor", "watched")])
+"""Settings of the filter: see `settings.Config`; `watched` 1: filters that each leave a satellite out run beside it."""
 
 ROBUST_SOLUTION: Final = np.dtype(
     SOLUTION.descr + [(name, np.float64) for name in ("bound_m", "undetermined_s", "moved_m", "clock_step_m")]
