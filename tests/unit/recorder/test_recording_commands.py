@@ -141,13 +141,18 @@ def test_replay_into_itself_and_of_nothing_is_refused(run: Path) -> None:
     assert "no such file" in kirotei("replay", run.with_name("no.mcap"), "--live").stderr
 
 
-def test_a_failed_replay_leaves_nothing_half_written(run: Path) -> None:
+def test_a_failed_replay_leaves_nothing_half_written(run: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     out = run.with_name("out.mcap")
-    for name, told in (
-        ("gnss_correction", "nothing in it is read by"),
-        ("gnss_receiver", "gnss_receiver reads no topic"),
+    profile = tmp_path_factory.mktemp("profile") / "host.toml"
+    profile.write_text(
+        'services = ["gnss_receiver"]\n[place]\nline = "demo"\nkind = "train"\nname = "T1"\n'
+        '[gnss_receiver]\nobservations = "rover.obs"\n'
+    )
+    for words, told in (
+        (["gnss_correction"], "nothing in it is read by"),
+        (["gnss_receiver", "--config", profile], "gnss_receiver reads no topic"),
     ):
-        result = kirotei("replay", run, "--through", name, "--out", out)
+        result = kirotei("replay", run, "--out", out, "--through", *words)
         assert (result.exit_code, told in result.stderr) == (1, True), result.stderr
     run.write_bytes(run.read_bytes()[:-10])
     result = kirotei("replay", run, "--through", "gnss_correction", "--out", out)
