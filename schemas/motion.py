@@ -16,9 +16,7 @@ from schemas.message import Message, require_columns
 
 Metres = Annotated[float, Meta(ge=0.0)]
 MotionStatus = Literal["valid", "degraded", "lost"]
-WarningKind = Literal[
-    "gap", "saturated", "frozen", "axes", "stuck", "missing_teeth", "reset", "late", "scale", "restart", "noise"
-]
+WarningKind = Literal["gap", "saturated", "frozen", "axes", "stuck", "reset", "late", "scale", "restart", "noise"]
 OdometryMethod = Literal["wheel", "paper", "fused"]
 
 

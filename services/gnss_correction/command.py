@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from services.gnss_correction.tune_command import tune
+from services.runtime.told_command import UsageError, told
 
 if TYPE_CHECKING:
     from services.gnss_correction.along_track import AlongError
@@ -30,27 +31,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Satellite positioning on recordings: positions from RINEX files, and how good they are.",
 )
-
-
-class UsageError(ValueError):
-    """What was asked for cannot be meant."""
-
-
-@contextmanager
-def told(command: str) -> Iterator[None]:
-    """One clear line and the exit code for whatever can go wrong with files and options."""
-    try:
-        yield
-    except UsageError as error:
-        typer.echo(f"kirotei gnss {command}: {error}", err=True)
-        raise typer.Exit(2) from error
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        typer.echo(f"kirotei gnss {command}: {where}{error.strerror or error}", err=True)
-        raise typer.Exit(1) from error
-    except ValueError as error:
-        typer.echo(f"kirotei gnss {command}: {error}", err=True)
-        raise typer.Exit(1) from error
 
 
 def configured(path: Path | None, overrides: dict[str, object]) -> Config:
@@ -181,7 +161,7 @@ def solve(
 
     Example: kirotei gnss solve --rover rover.obs --nav brdc.nav --method remove --out fixes.csv
     """
-    with told("solve"):
+    with told("gnss solve"):
         chosen = {"method": method, "systems": systems and systems.replace(",", "").upper(), "weights": weights}
         chosen["line_file"] = str(line) if line else None
         chosen["thresholds_file"] = str(thresholds) if thresholds else None
@@ -280,7 +260,7 @@ def evaluate_fixes(
 
     Example: kirotei gnss evaluate --fixes robust.csv --truth truth.csv --integrity --plot stanford.png
     """
-    with told("evaluate"):
+    with told("gnss evaluate"):
         if plot is not None and plot.suffix.lower() not in (".png", ".svg"):
             msg = f"--plot: {plot} is neither .png nor .svg"
             raise UsageError(msg)

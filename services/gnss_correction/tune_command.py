@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
+from services.runtime.told_command import UsageError, told
+
 if TYPE_CHECKING:
     from schemas.thresholds import Thresholds
 
@@ -57,10 +59,10 @@ def tune(
     """
     from services.gnss_correction import command
 
-    with command.told("tune"):
+    with told("gnss tune"):
         if with_sweep and truth is None and centreline is None:
             msg = "--sweep needs --truth or --centreline"
-            raise command.UsageError(msg)
+            raise UsageError(msg)
         settings = command.configured(config, {"method": "original", "compare": [], "thresholds_file": ""})
         from services.gnss_correction import tune_file
         from services.gnss_correction.evaluation import centreline_of

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+
+from services.runtime.told_command import UsageError, told
 
 if TYPE_CHECKING:
     from schemas.line import LandmarkDatabase
@@ -43,27 +43,6 @@ BehindFront = Annotated[
 ]
 Method = Annotated[str, typer.Option("--method", help="Odometry: paper or fused (the wheel alone has no curvature).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-
-
-class UsageError(ValueError):
-    """What was asked for cannot be meant."""
-
-
-@contextmanager
-def told(command: str) -> Iterator[None]:
-    """One clear line and the exit code for whatever can go wrong with files and options."""
-    try:
-        yield
-    except UsageError as error:
-        typer.echo(f"kirotei landmarks {command}: {error}", err=True)
-        raise typer.Exit(2) from error
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        typer.echo(f"kirotei landmarks {command}: {where}{error.strerror or error}", err=True)
-        raise typer.Exit(1) from error
-    except ValueError as error:
-        typer.echo(f"kirotei landmarks {command}: {error}", err=True)
-        raise typer.Exit(1) from error
 
 
 def _one_of(values: list[str] | None, number: int, count: int, option: str, default: str) -> str:
@@ -170,7 +149,7 @@ def match(
     from services.landmark_matching.run_matching import match_run
     from services.landmark_matching.settings import MatchSettings
 
-    with told("match"):
+    with told("landmarks match"):
         axes = None if start_axis is None else [start_axis]
         (start,) = starts = _starts(
             1,
@@ -247,7 +226,7 @@ def survey(
     from services.landmark_matching.run_matching import match_run
     from services.landmark_matching.survey import SURVEY, database_of, merge, survey_run
 
-    with told("survey"):
+    with told("landmarks survey"):
         starts = _starts(len(logs), start_axis, direction, branch, start_bound, sensor_behind_front)
         known = _known(line, None, starts)
         surveyed = []

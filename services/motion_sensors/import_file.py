@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.motion_sensors.imu_sample import STANDARD_GRAVITY_MPS2
+from services.odometry_fusion.motion_log_writing_file import write_about, write_imu, write_table
 
 Floats = NDArray[np.float64]
 
@@ -122,22 +123,19 @@ def write_motion_log(folder: Path, run: Recording, latency_s: float, max_gradien
     shutil.rmtree(beside, ignore_errors=True)
     beside.mkdir(parents=True)
     try:
-        about = {
+        about: dict[str, float | int | str] = {
             "pulses_per_revolution": run.pulses_per_revolution,
             "wheel_diameter_m": run.wheel_diameter_m,
             "imu_latency_s": latency_s,
             "max_gradient_permille": max_gradient_permille,
         }
-        axes = 'axes = "x forward, y left, z up; right-handed; accelerometers give specific force"\n'
-        text = axes + "".join(f"{name} = {value!r}\n" for name, value in about.items())
-        (beside / "motion.toml").write_text(text, "utf-8")
-        names = ("ax_mps2", "ay_mps2", "az_mps2", "gx_radps", "gy_radps", "gz_radps")
-        _write(beside / "imu.parquet", {"t_s": run.imu_t_s} | dict(zip(names, run.imu.T.copy(), strict=True)))
-        _write(beside / "tacho.parquet", {"t_s": run.tacho_t_s, "pulses": run.pulses})
+        write_about(beside / "motion.toml", about)
+        write_imu(beside / "imu.parquet", run.imu_t_s, run.imu)
+        write_table(beside / "tacho.parquet", {"t_s": run.tacho_t_s, "pulses": run.pulses})
         if run.truth is not None:
             t_s, distance_m, speed_mps = run.truth
             slip = np.zeros(len(t_s), np.int8)
-            _write(
+            write_table(
                 beside / "truth.parquet", {"t_s": t_s, "distance_m": distance_m, "speed_mps": speed_mps, "slip": slip}
             )
         beside.rename(folder)
@@ -207,13 +205,3 @@ def _rising(t_s: Floats, values: NDArray[np.float64]) -> tuple[Floats, NDArray[n
 def _integral(t_s: Floats, values: Floats) -> Floats:
     """Running integral by trapezia, from 0."""
     return np.concatenate([[0.0], np.cumsum(np.diff(t_s) * (values[1:] + values[:-1]) / 2.0)])
-
-
-def _write(path: Path, columns: dict[str, NDArray[np.generic]]) -> None:
-    connection = duckdb.connect()
-    try:
-        connection.execute("set threads=1")
-        connection.register("columns", columns)
-        connection.table("columns").write_parquet(str(path))
-    finally:
-        connection.close()

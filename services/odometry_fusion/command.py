@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from services.runtime.told_command import UsageError, told
 
 if TYPE_CHECKING:
     from services.odometry_fusion.evaluation import Evaluation
@@ -23,27 +23,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Odometry of motion logs: way gone, speed, slips, and the error vouched for.",
 )
-
-
-class UsageError(ValueError):
-    """What was asked for cannot be meant."""
-
-
-@contextmanager
-def told(command: str) -> Iterator[None]:
-    """One clear line and the exit code for whatever can go wrong with files and options."""
-    try:
-        yield
-    except UsageError as error:
-        typer.echo(f"kirotei motion {command}: {error}", err=True)
-        raise typer.Exit(2) from error
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        typer.echo(f"kirotei motion {command}: {where}{error.strerror or error}", err=True)
-        raise typer.Exit(1) from error
-    except ValueError as error:
-        typer.echo(f"kirotei motion {command}: {error}", err=True)
-        raise typer.Exit(1) from error
 
 
 def configured(path: Path | None, method: str | None) -> Config:
@@ -101,7 +80,7 @@ def run(
 
     Example: kirotei motion run run_017 --method paper --out motion.csv
     """
-    with told("run"):
+    with told("motion run"):
         settings = configured(config, method)
         from services.odometry_fusion.methods import run_log
         from services.odometry_fusion.motion_file import write_motion
@@ -142,7 +121,7 @@ def evaluate(
 
     Example: kirotei motion evaluate --motion motion.csv --truth run_017/truth.parquet --plot motion.png
     """
-    with told("evaluate"):
+    with told("motion evaluate"):
         from services.odometry_fusion.evaluation import evaluate as judged
         from services.odometry_fusion.motion_file import read_motion
         from services.odometry_fusion.motion_truth_file import read_truth, read_wheel_beside

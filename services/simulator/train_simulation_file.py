@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.gnss_time import NS, WEEK_S
-from services.simulator.motion_log_file import write_about, write_imu, write_table
+from services.odometry_fusion.motion_log_writing_file import write_about, write_imu, write_table
 from services.simulator.scenario_file import LoadedRoute, alignment_for
 from services.simulator.simulation_file import (
     CENTRELINE_STEP_M,

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from services.runtime.told_command import UsageError, told
+
 if TYPE_CHECKING:
     from services.track_circuit.circuit_reception import Received
     from services.track_circuit.circuit_samples import Recording
@@ -36,27 +38,6 @@ ReceiverOption = Annotated[str | None, typer.Option(help="mlse, dfe, least-squar
 Channel = Annotated[int, typer.Option(min=0, help="Channel of the recording, counted from 0.")]
 Rate = Annotated[float, typer.Option(min=1000.0, help="Samples per second on standard input.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-
-
-class UsageError(ValueError):
-    """What was asked for cannot be meant."""
-
-
-@contextmanager
-def told(command: str) -> Iterator[None]:
-    """One clear line and the exit code for whatever can go wrong with files and options."""
-    try:
-        yield
-    except UsageError as error:
-        typer.echo(f"kirotei track-circuit {command}: {error}", err=True)
-        raise typer.Exit(2) from error
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        typer.echo(f"kirotei track-circuit {command}: {where}{error.strerror or error}", err=True)
-        raise typer.Exit(1) from error
-    except ValueError as error:
-        typer.echo(f"kirotei track-circuit {command}: {error}", err=True)
-        raise typer.Exit(1) from error
 
 
 def _on_one_core() -> None:
@@ -243,7 +224,7 @@ def demodulate(
     Example: kirotei track-circuit demodulate run.sigmf-meta --out telegrams.csv --bits bits.csv
     """
     _on_one_core()
-    with told("demodulate"):
+    with told("track-circuit demodulate"):
         from services.track_circuit.circuit_reception import receive_recording
         from services.track_circuit.telegrams_file import write_bits, write_telegrams
 
@@ -305,7 +286,7 @@ def train(
     Example: kirotei track-circuit train trial.sigmf-meta --circuit T12 --weather dry
     """
     _on_one_core()
-    with told("train"):
+    with told("track-circuit train"):
         from services.track_circuit.circuit_reception import receive_recording
         from services.track_circuit.coefficients import distance_bin, learned, with_set
         from services.track_circuit.coefficients_store import read_store, write_store

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from services.runtime.told_command import UsageError, told
 
 if TYPE_CHECKING:
     from schemas.message import Message
@@ -25,27 +26,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="The train's place on its line, with its bounds, from recordings.",
 )
-
-
-class UsageError(ValueError):
-    """What was asked for cannot be meant."""
-
-
-@contextmanager
-def told(command: str) -> Iterator[None]:
-    """One clear line and the exit code for whatever can go wrong with files and options."""
-    try:
-        yield
-    except UsageError as error:
-        typer.echo(f"kirotei position {command}: {error}", err=True)
-        raise typer.Exit(2) from error
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        typer.echo(f"kirotei position {command}: {where}{error.strerror or error}", err=True)
-        raise typer.Exit(1) from error
-    except ValueError as error:
-        typer.echo(f"kirotei position {command}: {error}", err=True)
-        raise typer.Exit(1) from error
 
 
 @app.command("run")
@@ -89,7 +69,7 @@ def run_command(
     from services.train_position.log_run import run_through
     from services.train_position.positions_file import write_passes, write_positions
 
-    with told("run"):
+    with told("position run"):
         settings = _settings(config)
         if direction is not None:
             settings = _facing(settings, direction)
@@ -224,7 +204,7 @@ def evaluate(
     from services.train_position.margin_plot import draw_margin, save_figure
     from services.train_position.positions_file import read_passes
 
-    with told("evaluate"):
+    with told("position evaluate"):
         true = _truth(truth, train)
         tracks = [_positions(path, train) for path in positions]
         found = [judge(track, true) for track in tracks]
