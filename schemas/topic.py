@@ -3,6 +3,7 @@
 A key is `kirotei/v1/<line>/<place kind>/<place>/<subject…>`. Services never format keys:
 `topic.at(place)` gives the key to publish on, `topic.within(place)` and
 `topic.anywhere()` what to subscribe to, `topic_of(key)` finds the topic of a key.
+What a bridge says again at its far end stands under `kirotei/v1/<line>/mirror/<place kind>/…`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,12 @@ ROOT = "kirotei/v1"
 PlaceKind = Literal["train", "wayside", "cloud"]
 PLACE_KINDS: tuple[PlaceKind, ...] = get_args(PlaceKind)
 
+MIRROR = "mirror"
+"""Stands before the place kind in keys of what a bridge says again at its far end."""
+
 M_co = TypeVar("M_co", bound=Message, covariant=True)
+Q_co = TypeVar("Q_co", bound=Message, covariant=True)
+R_co = TypeVar("R_co", bound=Message, covariant=True)
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}")
 _FIELD = re.compile(r"\{([a-z_]+)\}")
 
@@ -123,14 +129,32 @@ class Topic(Generic[M_co]):
         """Key expression of this topic at a place, with any device, method or other field."""
         return self.at(place, **dict.fromkeys(self.fields, "x")) if not self.fields else self._wild(str(place))
 
-    def anywhere(self, line: str = "*") -> str:
-        """Key expression of this topic at every place (of a line, or of all lines)."""
+    def anywhere(self, line: str = "*", *, mirrored: bool = False) -> str:
+        """Key expression of this topic at every place (of a line, or of all lines), or of its mirrored keys."""
         kind = self.template.split("/", 1)[0]
-        return self._wild(f"{line}/{'*' if kind.startswith('{') else kind}/*")
+        mirror = f"{MIRROR}/" if mirrored else ""
+        return self._wild(f"{line}/{mirror}{'*' if kind.startswith('{') else kind}/*")
 
     def _wild(self, place: str) -> str:
         subject = "/".join("*" if chunk.startswith("{") else chunk for chunk in self.template.split("/")[2:])
         return f"{ROOT}/{place}/{subject}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Query(Generic[Q_co, R_co]):
+    """A question that a service answers: one request, one reply or a refusal in words.
+
+    `template` as that of a topic; a query is no topic: nothing is published on its key.
+    """
+
+    template: str
+    request: type[Q_co]
+    reply: type[R_co]
+    about: str
+
+    def at(self, place: Place, **fields: str) -> str:
+        """Key of this query at a place. TopicError when the kind or the fields do not fit."""
+        return Topic(self.template, self.request, Delivery.EVENT, None, self.about).at(place, **fields)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +163,10 @@ class Address:
 
     topic: Topic[Message]
     place: Place
+    """Where it was said first, also when the key is a mirrored one."""
     fields: dict[str, str]
+    mirrored: bool = False
+    """Said again at the far end of a bridge."""
 
 
 class _Branch:
@@ -182,6 +209,9 @@ class TopicTable:
         chunks = key.split("/")
         if len(chunks) < 6 or chunks[0] != "kirotei" or chunks[1] != "v1":  # noqa: PLR2004 - root, line, kind, place, subject
             return None
+        mirrored = chunks[3] == MIRROR
+        if mirrored:
+            del chunks[3]
         branch: _Branch | None = self._root
         for chunk in chunks[3:]:
             branch = branch and (branch.children.get(chunk) or branch.children.get("{}"))
@@ -193,4 +223,13 @@ class TopicTable:
             return None
         template = branch.topic.template.split("/")
         fields = {t[1:-1]: c for t, c in zip(template[2:], chunks[5:], strict=True) if t.startswith("{")}
-        return Address(branch.topic, place, fields)
+        return Address(branch.topic, place, fields, mirrored)
+
+
+def mirrored_key(key: str) -> str:
+    """Key on which the far end of a bridge says again what was said on `key`. TopicError for other keys."""
+    chunks = key.split("/")
+    if len(chunks) < 6 or "/".join(chunks[:2]) != ROOT or chunks[3] not in PLACE_KINDS:  # noqa: PLR2004 - root, line, kind, place, subject
+        msg = f"{key!r} is no key that could be mirrored"
+        raise TopicError(msg)
+    return "/".join((*chunks[:3], MIRROR, *chunks[3:]))

@@ -5,9 +5,9 @@ How keys are made of them, and topics found from keys: schemas/topic.py.
 
 from __future__ import annotations
 
-from schemas import gnss, health, motion, position, track_circuit
+from schemas import bridge, gnss, health, motion, position, radio, track_circuit
 from schemas.message import Message
-from schemas.topic import ROOT, Address, Delivery, Topic, TopicError, TopicTable
+from schemas.topic import ROOT, Address, Delivery, Query, Topic, TopicError, TopicTable
 
 GNSS_EPOCH = Topic(
     "train/{train}/gnss/{device}/epoch",
@@ -197,6 +197,52 @@ TRACK_CONFIRMATION = Topic(
     "a person's word that a circuit is clear now",
     from_outside=True,
 )
+RADIO_MEASUREMENT = Topic(
+    "{kind}/{place}/radio/{device}/measurement",
+    radio.RadioMeasurement,
+    Delivery.KEPT,
+    2.0,
+    "powers, reception and condition of one radio channel",
+)
+RADIO_EVENT = Topic(
+    "{kind}/{place}/radio/{device}/event",
+    radio.RadioEvent,
+    Delivery.KEPT,
+    None,
+    "a stretch whose radio is not as it was learned, with cause and reason",
+)
+RADIO_SECTION = Topic(
+    "{kind}/{place}/radio/{device}/section",
+    radio.RadioSection,
+    Delivery.STREAM,
+    1.0,
+    "a section of the line as the newest pass heard it, beside what is normal there",
+)
+RADIO_ACCEPTANCE = Topic(
+    "{kind}/{place}/radio_acceptance",
+    radio.RadioAcceptance,
+    Delivery.KEPT,
+    None,
+    "a person's word that a stretch has a new normal, or that it is taken back",
+    from_outside=True,
+)
+WEATHER = Topic(
+    "{kind}/{place}/weather",
+    radio.Weather,
+    Delivery.KEPT,
+    0.01,
+    "weather at a place of the line",
+)
+BRIDGE_STATUS = Topic(
+    "{kind}/{place}/bridge/{bridge}", bridge.BridgeStatus, Delivery.STATE, 1.0, "backlog, delay and losses of a bridge"
+)
+DOCUMENT = Topic(
+    "cloud/{cloud}/document/{document}",
+    bridge.Document,
+    Delivery.KEPT,
+    None,
+    "a file for trains and wayside sites: line, landmarks, thresholds, radio model",
+)
 HEALTH = Topic("{kind}/{place}/health/{service}", health.Health, Delivery.STATE, 1.0, "how one service is doing")
 SERVICE_EVENT = Topic(
     "{kind}/{place}/event/{service}",
@@ -240,10 +286,26 @@ ALL: tuple[Topic[Message], ...] = (
     TRACK_HEALTH,
     TRACK_EVENT,
     TRACK_CONFIRMATION,
+    RADIO_MEASUREMENT,
+    RADIO_EVENT,
+    RADIO_SECTION,
+    RADIO_ACCEPTANCE,
+    WEATHER,
+    BRIDGE_STATUS,
+    DOCUMENT,
     HEALTH,
     SERVICE_EVENT,
 )
 EVERYTHING = f"{ROOT}/**"
+
+INGEST = Query(
+    "{kind}/{place}/ingest/{shard}",
+    bridge.BridgeBatch,
+    bridge.BridgeAcknowledgement,
+    "records of a bridge, answered once they are durable",
+)
+STORE = Query("cloud/{cloud}/store/{shard}", bridge.StoreQuestion, bridge.StoreAnswer, "rows of a cloud's history")
+QUERIES: tuple[Query[Message, Message], ...] = (INGEST, STORE)
 TABLE = TopicTable(ALL)
 
 

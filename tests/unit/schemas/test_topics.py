@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from schemas import topics
 from schemas.position import TrainTruth
-from schemas.topic import Delivery, Place, Topic, TopicError, TopicTable
+from schemas.topic import Delivery, Place, Topic, TopicError, TopicTable, mirrored_key
 from schemas.topics import topic_named, topic_of
 from services.runtime.key_expression import intersects
 
@@ -63,11 +65,38 @@ def test_intersecting_templates_are_refused() -> None:
         "kirotei/v1/demo/cloud/T1/gnss/front/fix",
         "kirotei/v1/de*mo/train/T1/gnss/front/fix",
         "kirotei/v1/demo/train/T1/gnss/front/fix/more",
-        "kirotei/v1/demo/mirror/train/T1/gnss/front/fix",
+        "kirotei/v1/demo/mirror",
+        "kirotei/v1/demo/mirror/train/T1",
+        "kirotei/v1/demo/mirror/mirror/train/T1/gnss/front/fix",
+        "kirotei/v1/demo/train/mirror/gnss/fix",
     ],
 )
 def test_foreign_keys_have_no_topic(key: str) -> None:
     assert topic_of(key) is None
+
+
+def test_a_mirrored_key_is_found_with_the_place_that_spoke_first() -> None:
+    key = topics.GNSS_FIX.at(Place("demo", "train", "T1"), device="front")
+    mirrored = mirrored_key(key)
+    assert mirrored == "kirotei/v1/demo/mirror/train/T1/gnss/front/fix"
+    address, again = topic_of(key), topic_of(mirrored)
+    assert address is not None
+    assert again == dataclasses.replace(address, mirrored=True)
+
+
+@pytest.mark.parametrize(
+    "key", ["", "kirotei/v1/demo/train/T1", "kirotei/v1/demo/mirror/train/T1/gnss/front/fix", "a/b"]
+)
+def test_other_keys_cannot_be_mirrored(key: str) -> None:
+    with pytest.raises(TopicError, match="mirrored"):
+        mirrored_key(key)
+
+
+def test_readers_of_mirrored_keys_hear_nothing_twice() -> None:
+    key = topics.GNSS_FIX.at(Place("demo", "train", "T1"), device="front")
+    here, there = topics.GNSS_FIX.anywhere("demo"), topics.GNSS_FIX.anywhere("demo", mirrored=True)
+    assert (intersects(here, key), intersects(there, key)) == (True, False)
+    assert (intersects(here, mirrored_key(key)), intersects(there, mirrored_key(key))) == (False, True)
 
 
 def test_what_cannot_stand_in_a_key_is_refused() -> None:
