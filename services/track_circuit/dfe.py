@@ -7,6 +7,8 @@ d = Re sum conj(b) a / sum |b|^2 despreads and decides at once, without deciding
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,6 +54,10 @@ class DfeReceiver:
         curve = per_symbol_db(error, len(self._code1))
         taps = self._taps if self._taps is not None else np.zeros(0, np.complex128)
         return Reception(np.ascontiguousarray(points.real), points, evm_db(points), taps, curve)
+
+    def copied(self) -> DfeReceiver:
+        """Another one that knows the same."""
+        return copy.deepcopy(self)
 
     def _first_decisions(self, burst: Burst) -> NDArray[np.float64]:
         if self._taps is not None:

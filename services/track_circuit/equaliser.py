@@ -6,6 +6,7 @@ training signal, and the coefficients at the smallest mean square error equalise
 
 from __future__ import annotations
 
+import copy
 from typing import Literal
 
 import numpy as np
@@ -92,6 +93,10 @@ class LinearReceiver:
         points = self._equalised(burst)
         curve = per_symbol_db(error, len(self._code1))
         return Reception(np.ascontiguousarray(points.real), points, evm_db(points), self._taps, curve)
+
+    def copied(self) -> LinearReceiver:
+        """Another one that knows the same."""
+        return copy.deepcopy(self)
 
     def _equalised(self, burst: Burst) -> NDArray[np.complex128]:
         count = len(burst.pilots) * len(self._code1)

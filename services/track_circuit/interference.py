@@ -1,4 +1,4 @@
-"""Foreign tones (inverter lines, harmonics of the mains) found in the averaged spectrum and subtracted."""
+"""Foreign tones (inverter lines, harmonics of the mains) found in the averaged spectrum."""
 
 from __future__ import annotations
 
@@ -31,6 +31,8 @@ MAINS_STEP_HZ: Final = 0.002
 """Search step of the mains frequency: half a hertz at the 250th harmonic."""
 COMB_SIGMAS: Final = 8.0
 """Excess of the harmonics' mean over its expectation, in standard deviations, that makes a comb."""
+WIDEST: Final = 0.1
+"""Greatest standard deviation taken for that, relative to the expectation: a comb widens its neighbours' votes."""
 RELATIVE_LIMIT: Final = 30.0
 """Power over the median at which one line's vote for a comb is cut, so that a single tone makes none."""
 
@@ -45,17 +47,23 @@ class ToneFinder:
         self._weight = 0.0
         self._bursts = 0
         self._found = np.empty(0)
+        self._window = np.empty(0)
 
     def take(self, samples: NDArray[np.complex128]) -> None:
         """Add a burst (at least a few hundred samples; what exceeds SIZE is left out)."""
         part = samples[:SIZE]
-        spectrum = np.abs(np.fft.fft(part * np.blackman(len(part)), SIZE)) ** 2
+        if len(self._window) != len(part):
+            self._window = np.blackman(len(part))
+        spectrum = np.abs(np.fft.fft(part * self._window, SIZE)) ** 2
         self._power = FADE * self._power + spectrum
         self._weight = FADE * self._weight + 1.0
         self._bursts += 1
 
     def tones(self, carrier_hz: float) -> NDArray[np.float64]:
-        """Frequencies relative to the carrier in cycles per sample: the mains comb, then lines, strongest first."""
+        """Frequencies relative to the carrier in cycles per sample: the mains comb, then lines, strongest first.
+
+        From one search to the next the very same array is given.
+        """
         if self._bursts in EARLY or self._bursts % SELDOM == 0:
             self._found = self._search(carrier_hz)
         return self._found
@@ -92,19 +100,9 @@ class ToneFinder:
             place = (grid[:, None] * order - carrier_hz) / self._rate_hz
             score = relative[np.rint(place * SIZE).astype(np.int64) % SIZE].mean(axis=1)
             best = int(np.argmax(score))
-            spread = 1.48 * float(np.median(np.abs(score - np.median(score))))
-            if score[best] > float(np.median(score)) + COMB_SIGMAS * spread:
+            middle = float(np.median(score))
+            spread = min(1.48 * float(np.median(np.abs(score - middle))), WIDEST * middle)
+            if score[best] > middle + COMB_SIGMAS * spread:
                 inside = np.abs(place[best]) < NYQUIST
                 return np.asarray(place[best][inside], np.float64)
         return np.empty(0)
-
-
-def without_tones(samples: NDArray[np.complex128], tones: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Samples minus the tones, their amplitudes and phases fitted together by least squares."""
-    if not len(tones):
-        return samples
-    basis = np.exp(2j * np.pi * np.outer(np.arange(len(samples)), tones))
-    normal = basis.conj().T @ basis
-    weight = 1e-6 * len(samples) * np.eye(len(tones))
-    found = np.linalg.solve(normal + weight, basis.conj().T @ samples)
-    return np.asarray(samples - basis @ found, np.complex128)

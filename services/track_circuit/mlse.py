@@ -7,6 +7,7 @@ and the likelihood is Re sum_m d_m (2 y_m - 2 rho_1 d_{m-1}) up to a constant (U
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,6 +129,10 @@ class MlseReceiver:
         self._sums, self._taps, self._aligned = refined.sums, refined.taps, True
         error_db = 10.0 * np.log10(np.asarray(refined.errors) + 1e-12)
         return Reception(refined.soft, refined.points, float(error_db[-1]), refined.taps, error_db)
+
+    def copied(self) -> MlseReceiver:
+        """Another one; what was learned is replaced and never changed, so that both may share it."""
+        return copy.copy(self)
 
     def _refined(self, burst: Burst, pilot_chips: NDArray[np.float64], soft: NDArray[np.float64]) -> _Refined:
         """The response with first decisions, decisions with that, and so on."""

@@ -53,6 +53,10 @@ class Receiver(Protocol):
         """Decide a burst and learn from it."""
         ...
 
+    def copied(self) -> Receiver:
+        """Another one that knows the same: what either learns from now on, the other does not."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class StoredTaps:

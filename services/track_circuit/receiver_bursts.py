@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.track_circuit.channel_estimate import LEAD, TAPS, response
-from services.track_circuit.interference import ToneFinder, without_tones
 from services.track_circuit.modulate import spread
 from services.track_circuit.profile import Profile
 from services.track_circuit.receiver import Burst, Receiver, Reception, Synchronisation
@@ -23,6 +21,7 @@ from services.track_circuit.synchronisation_tracking import (
     ResponseTracker,
     burst_response,
 )
+from services.track_circuit.tone_cleaning import CleanReception
 from services.track_circuit.walsh import code
 
 BURST_SYMBOLS = 64
@@ -32,8 +31,6 @@ CUT_SYMBOL = 0.25
 """Share of a symbol that may be missing at either end of the samples."""
 FOLLOWED_COHERENCE = 0.35
 """Below, a burst is none: noise has about 0.15, for the response is fitted to it, a signal at 4 dB 0.7."""
-CLEANER_DB = 0.2
-"""By how much a burst must become better for foreign tones to be taken out of it."""
 
 
 @dataclass
@@ -76,12 +73,12 @@ class BurstChain:
 
     def __init__(self, profile: Profile, front_end: FrontEnd, receiver: Receiver, found: Synchronisation) -> None:
         """Begin where the synchronisation found the signal."""
-        self._profile, self._front_end, self._receiver = profile, front_end, receiver
+        self._profile, self._front_end = profile, front_end
+        self._receiver = CleanReception(profile, receiver)
         self._pilots = profile.pilots()
         self._code1 = code(profile.code_length, profile.ch1_row)
         self._code2 = profile.ch2_amplitude * code(profile.code_length, profile.ch2_row)
         self._tracker = ResponseTracker()
-        self._finder = ToneFinder(2.0 * profile.chip_rate_hz)
         self.place = Place(found.position, found.samples_per_chip, found.carrier_hz, found.phase_turns, found.pilot)
         per_symbol = found.samples_per_chip * profile.code_length
         if found.position >= (1.0 - CUT_SYMBOL) * per_symbol and found.pilot > 0:
@@ -106,26 +103,12 @@ class BurstChain:
         index = (place.pilot - before + np.arange(total)) % len(self._pilots)
         return Burst(baseband, self._pilots[index]), before
 
-    def _received(self, burst: Burst) -> tuple[Reception, Burst, NDArray[np.float64]]:
-        """The reception, foreign tones taken out where that makes it better: CH1 itself may be a tone for a time."""
-        self._finder.take(burst.samples)
-        tones = self._finder.tones(self.place.carrier_hz)
-        if not len(tones):
-            return self._receiver.receive(burst), burst, tones
-        cleaned = Burst(without_tones(burst.samples, tones), burst.pilots, burst.known)
-        other = copy.deepcopy(self._receiver)
-        plain, clean = self._receiver.receive(burst), other.receive(cleaned)
-        if clean.evm_db < plain.evm_db - CLEANER_DB:
-            self._receiver = other
-            return clean, cleaned, tones
-        return plain, burst, tones[:0]
-
     def step(self, samples: NDArray[np.float64], symbols: int = BURST_SYMBOLS) -> Piece:
         """Receive the next `symbols` symbols, fewer at the end of the samples, and move on."""
         place = self.place
         burst, before = self._burst(samples, symbols)
         given = min(symbols, len(burst.pilots) - before)
-        reception, burst, tones = self._received(burst)
+        reception, burst, tones = self._receiver.receive(burst, place.carrier_hz)
         inner = slice(before, before + given)
         decided = np.where(reception.soft < 0.0, -1.0, 1.0)
         chips = spread(burst.pilots, self._code2) + spread(decided, self._code1)

@@ -15,6 +15,9 @@ SPAN = 8
 PHASES = 512
 """Positions between two input samples at which the low-pass is kept; rounding to them leaves errors below -60 dB."""
 
+ANGLES = 64
+"""Samples for which one coarse angle of the carrier serves; finer ones come from a table."""
+
 
 @summing_kernel
 def _mix_and_filter(
@@ -31,10 +34,17 @@ def _mix_and_filter(
     first = int(np.floor(start)) - reach
     last = int(np.floor(start + step * (len(found) - 1))) + reach + 1
     mixed = np.zeros(last - first + 1, np.complex128)
-    for i in range(max(first, 0), min(last + 1, len(samples))):
-        turns = cycles_per_sample * i + phase_turns
+    end = min(last + 1, len(samples))
+    fine = np.empty(ANGLES, np.complex128)
+    for k in range(ANGLES):
+        angle = -2.0 * np.pi * cycles_per_sample * k
+        fine[k] = 2.0 * (np.cos(angle) + 1j * np.sin(angle))
+    for begin in range(max(first, 0), end, ANGLES):
+        turns = cycles_per_sample * begin + phase_turns
         angle = -2.0 * np.pi * (turns - np.floor(turns))
-        mixed[i - first] = 2.0 * samples[i] * (np.cos(angle) + 1j * np.sin(angle))
+        coarse = np.cos(angle) + 1j * np.sin(angle)
+        for i in range(begin, min(begin + ANGLES, end)):
+            mixed[i - first] = samples[i] * (coarse * fine[i - begin])
     phases = table.shape[0]
     width = table.shape[1]
     for n in range(len(found)):
@@ -44,12 +54,12 @@ def _mix_and_filter(
         if phase == phases:
             phase = 0
             whole += 1
-        begin = whole - reach - first
+        near = whole - reach - first
         real = 0.0
         imaginary = 0.0
         for k in range(width):
-            if begin + k < len(mixed):
-                value = mixed[begin + k]
+            if near + k < len(mixed):
+                value = mixed[near + k]
                 real += table[phase, k] * value.real
                 imaginary += table[phase, k] * value.imag
         found[n] = real + 1j * imaginary

@@ -6,11 +6,12 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from services.track_circuit.blanking import without_impulses
-from services.track_circuit.interference import ToneFinder, without_tones
+from services.track_circuit.interference import ToneFinder
 from services.track_circuit.modulate import chips, passband, shaped
 from services.track_circuit.profile import PnGenerator, Profile, ProfileError
 from services.track_circuit.receiver_demodulation import Demodulator, demodulate, joined
 from services.track_circuit.signal_front_end import FrontEnd
+from services.track_circuit.tone_removal import ToneRemoval
 
 RATE_HZ = 48_000.0
 PROFILE = Profile()
@@ -148,7 +149,7 @@ def test_the_mains_comb_is_found_by_its_fundamental() -> None:
     assert len(tones) >= 180
     orders = (tones * 9_600.0 + 12_000.0) / 50.02
     assert np.abs(orders - np.rint(orders)).max() * 50.02 < 2.0  # half of what a burst resolves
-    left = float(np.mean(np.abs(without_tones(samples, tones)) ** 2))
+    left = float(np.mean(np.abs(samples - ToneRemoval(tones, len(samples)).tones_in(samples)) ** 2))
     assert left < float(np.mean(np.abs(noise) ** 2)) * 1.05
 
 

@@ -1,0 +1,46 @@
+"""Foreign tones in bursts, their amplitudes and phases fitted together by least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+RIDGE = 1e-6
+"""Added to the normal matrix relative to its diagonal, for tones that nearly coincide."""
+STEP = 64
+"""Samples per coarse step: a phasor is the product of a coarse and a fine one, which saves most exponentials."""
+
+
+def phasors(tones: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
+    """exp(2 pi j f n) for n = 0 … count - 1 and on to the next multiple of STEP, one row per tone f."""
+    coarse = np.exp(2j * np.pi * np.outer(tones, np.arange(0, count, STEP)))
+    fine = np.exp(2j * np.pi * np.outer(tones, np.arange(STEP)))
+    return np.asarray((coarse[:, :, None] * fine[:, None, :]).reshape(len(tones), -1), np.complex128)
+
+
+def overlaps(tones: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
+    """Inner products of the first `count` values of the phasors, as geometric sums: (z^count - 1) / (z - 1)."""
+    turn, turns = np.exp(2j * np.pi * tones), np.exp(2j * np.pi * tones * count)
+    below = np.conj(turn)[:, None] * turn - 1.0
+    same = np.abs(below) < 1e-12  # noqa: PLR2004 - where the quotient is its limit
+    above = np.conj(turns)[:, None] * turns - 1.0
+    return np.where(same, complex(count), above / np.where(same, 1.0, below))
+
+
+class ToneRemoval:
+    """One set of tones and one length of bursts; what depends on these alone is worked out once."""
+
+    def __init__(self, tones: NDArray[np.float64], count: int) -> None:
+        """For bursts of `count` samples; `tones` in cycles per sample."""
+        self.tones, self.count = tones, count
+        self._phasors = phasors(tones, count)
+        weight = RIDGE * count * np.eye(len(tones))
+        # Bursts come by the hundred: for so few tones, so far apart, the inverse is as exact as solving every time.
+        self._inverse = np.linalg.solve(overlaps(tones, count) + weight, np.eye(len(tones), dtype=np.complex128))
+
+    def tones_in(self, samples: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """The tones as they stand in the samples of a burst."""
+        padded = np.zeros(self._phasors.shape[1], np.complex128)
+        padded[: self.count] = np.conj(samples)
+        heard = np.conj(self._phasors @ padded)
+        return np.asarray(((self._inverse @ heard) @ self._phasors)[: self.count], np.complex128)
