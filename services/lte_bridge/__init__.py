@@ -1,0 +1,1 @@
+"""Store and forward between a train (or wayside site) and the cloud."""
