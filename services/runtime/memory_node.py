@@ -9,23 +9,30 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import Any, TypeVar
 
 from msgspec import Struct
 
 from schemas.codec import encode
 from schemas.message import Message
-from schemas.topic import Delivery, Place, Topic, TopicError, TopicTable
+from schemas.topic import Delivery, Place, Query, Topic, TopicError, TopicTable, mirrored_key
 from schemas.topics import TABLE
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
+from services.runtime.host_config import BusConfig
 from services.runtime.inbox import DEFAULT_CAPACITY, Inbox
 from services.runtime.key_expression import intersects
-from services.runtime.node import Sample, Service
+from services.runtime.node import Node, Sample, Service
+from services.runtime.question import Question, answer_of
 
 T = TypeVar("T")
 EVENT_CACHE = 1000
+LOOK_AGAIN_S = 1.0
+"""How often a router that does not answer is tried."""
+Waiting = tuple[Any, str, "asyncio.Future[tuple[bytes, bool]]"]
+"""A request, who asks, and where the answer goes."""
 
 
 class MemoryBus:
@@ -40,6 +47,16 @@ class MemoryBus:
         self._events: deque[Sample] = deque(maxlen=EVENT_CACHE)
         self._boots: dict[str, int] = {}
         self._matches: dict[str, list[Inbox]] = {}
+        self.asked: dict[str, asyncio.Queue[Waiting | None]] = {}
+        """Questions by the key at which somebody answers."""
+        self.others: dict[str, MemoryBus] = {}
+        """Buses of other routers by endpoint, for `Node.elsewhere`."""
+        self.cut = False
+        """Questions get no answer, as over a link that swallows everything."""
+
+    def other(self, endpoints: tuple[str, ...]) -> MemoryBus | None:
+        """Bus of the first router of these that there is."""
+        return next((self.others[one] for one in endpoints if one in self.others), None)
 
     def boot_id(self, source: str) -> str:
         """Next boot id of a source: 'boot-1', 'boot-2', … (reproducible, unlike the network's)."""
@@ -109,6 +126,8 @@ class MemoryNode:
         self._stop = asyncio.Event()
         self._sequences: dict[str, int] = {}
         self._inboxes: list[Inbox] = []
+        self._answering: list[str] = []
+        self._others: list[MemoryNode] = []
 
     async def publish(self, topic: Topic[Any], message: Message, **fields: str) -> None:
         """Put a message on its key; see `Node.publish`."""
@@ -138,9 +157,76 @@ class MemoryNode:
         self.health.published += 1
         self._bus.publish(Sample(key, payload, attachment, now_ns), delivery)
 
-    def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Any]:
+    async def publish_mirrored(self, sample: Sample) -> None:
+        """Say a bridged publication again; see `Node.publish_mirrored`."""
+        self._service.require_mirror()
+        key = mirrored_key(sample.key)
+        address = self._bus.table.find(key)
+        if address is None:
+            msg = f"no topic has the key {key}"
+            raise TopicError(msg)
+        self.health.published += 1
+        again = Sample(key, sample.payload, sample.attachment, self.clock.now_ns())
+        self._bus.publish(again, address.topic.delivery)
+
+    def questions(self, query: Query[Any, Any], **fields: str) -> AsyncIterator[Question[Any, Any]]:
+        """Questions put to this service; see `Node.questions`."""
+        self._service.require_answer(query)
+        key = query.at(self.place, **fields)
+        waiting = self._bus.asked.setdefault(key, asyncio.Queue())
+        self._answering.append(key)
+        return self._questions(query, key, waiting)
+
+    async def _questions(
+        self, query: Query[Any, Any], key: str, waiting: asyncio.Queue[Waiting | None]
+    ) -> AsyncIterator[Question[Any, Any]]:
+        while not self._stop.is_set() and (asked := await waiting.get()) is not None:
+            request, source, first = asked
+
+            async def send(payload: bytes, refused: bool, first: asyncio.Future[Any] = first) -> None:  # noqa: FBT001 - the port's form
+                if not first.done():
+                    first.set_result((payload, refused))
+
+            yield Question(request, key, source, query.reply, send)
+
+    async def ask(
+        self, query: Query[Any, Any], place: Place, request: Message, *, timeout_s: float, **fields: str
+    ) -> Any:  # noqa: ANN401 - the query's reply
+        """Answer of whoever answers; see `Node.ask`."""
+        self._service.require_ask(query)
+        key = query.at(place, **fields)
+        if key not in self._bus.asked and not self._bus.cut:
+            return answer_of(query, key, None, refused=False)
+        first: asyncio.Future[tuple[bytes, bool]] = asyncio.get_running_loop().create_future()
+        if not self._bus.cut:
+            self._bus.asked[key].put_nowait((request, self.source, first))
+        try:
+            async with asyncio.timeout(timeout_s):
+                payload, refused = await first
+        except TimeoutError:
+            return answer_of(query, key, None, refused=False)
+        # The answer may have been on its way when the link went.
+        return answer_of(query, key, None if self._bus.cut else payload, refused=refused)
+
+    @asynccontextmanager
+    async def elsewhere(self, bus: BusConfig) -> AsyncIterator[Node]:
+        """Access to another router; see `Node.elsewhere`."""
+        while (other := self._bus.other(bus.connect)) is None:  # noqa: ASYNC110 - asks again, as the network's node does
+            await asyncio.sleep(LOOK_AGAIN_S)
+        node = MemoryNode(other, self._service, self.place, self.clock, self.instance, self._capacity)
+        node.boot_id, node.health = self.boot_id, self.health
+        if self._stop.is_set():
+            node.stop()
+        self._others.append(node)
+        try:
+            yield node
+        finally:
+            self._others.remove(node)
+            node.stop()
+
+    def arrivals(self, *topics: Topic[Any], anywhere: bool = False, mirrored: bool = False) -> AsyncIterator[Any]:
         """Messages with their senders; see `Node.arrivals`."""
-        return self._read(topics, anywhere=anywhere).arrivals(self._bus.table)
+        return self._read(topics, anywhere=anywhere, mirrored=mirrored).arrivals(self._bus.table)
 
     def messages(self, *topics: Topic[Any]) -> AsyncIterator[Any]:
         """Messages alone; see `Node.messages`."""
@@ -150,11 +236,15 @@ class MemoryNode:
         """Undecoded publications; see `Node.samples`."""
         return self._open_inbox((key_expression,)).samples()
 
-    def _read(self, topics: tuple[Topic[Any], ...], *, anywhere: bool) -> Inbox:
+    def _read(self, topics: tuple[Topic[Any], ...], *, anywhere: bool, mirrored: bool = False) -> Inbox:
         for topic in topics:
             self._service.require_read(topic)
+        widely = anywhere or mirrored
         return self._open_inbox(
-            tuple(topic.anywhere(self.place.line) if anywhere else topic.within(self.place) for topic in topics)
+            tuple(
+                topic.anywhere(self.place.line, mirrored=mirrored) if widely else topic.within(self.place)
+                for topic in topics
+            )
         )
 
     def _open_inbox(self, expressions: tuple[str, ...]) -> Inbox:
@@ -180,6 +270,12 @@ class MemoryNode:
         for inbox in self._inboxes:
             self._bus.unsubscribe(inbox)
             inbox.close()
+        for key in self._answering:
+            waiting = self._bus.asked.pop(key, None)
+            if waiting is not None:
+                waiting.put_nowait(None)
+        for other in self._others:
+            other.stop()
 
     async def sleep(self, seconds: float) -> bool:
         """Wait; see `Node.sleep`."""

@@ -7,16 +7,19 @@ test or an offline replay.
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar, overload
 
 from msgspec import Struct
 
 from schemas.message import Message
-from schemas.topic import Place, Topic, TopicError
+from schemas.topic import Place, Query, Topic, TopicError
 from schemas.topics import HEALTH, SERVICE_EVENT
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
+from services.runtime.host_config import BusConfig
+from services.runtime.question import Question
 
 M = TypeVar("M", bound=Message)
 M_co = TypeVar("M_co", bound=Message, covariant=True)
@@ -26,6 +29,8 @@ A = TypeVar("A", bound=Message)
 B = TypeVar("B", bound=Message)
 D = TypeVar("D", bound=Message)
 E = TypeVar("E", bound=Message)
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
 
 
 class UndeclaredTopicError(TopicError):
@@ -85,23 +90,30 @@ class Node(Protocol):
         """
 
     @overload
-    def arrivals(self, a: Topic[A], /, *, anywhere: bool = False) -> AsyncIterator[Arrival[A]]: ...
-    @overload
-    def arrivals(self, a: Topic[A], b: Topic[B], /, *, anywhere: bool = False) -> AsyncIterator[Arrival[A | B]]: ...
+    def arrivals(
+        self, a: Topic[A], /, *, anywhere: bool = False, mirrored: bool = False
+    ) -> AsyncIterator[Arrival[A]]: ...
     @overload
     def arrivals(
-        self, a: Topic[A], b: Topic[B], d: Topic[D], /, *, anywhere: bool = False
+        self, a: Topic[A], b: Topic[B], /, *, anywhere: bool = False, mirrored: bool = False
+    ) -> AsyncIterator[Arrival[A | B]]: ...
+    @overload
+    def arrivals(
+        self, a: Topic[A], b: Topic[B], d: Topic[D], /, *, anywhere: bool = False, mirrored: bool = False
     ) -> AsyncIterator[Arrival[A | B | D]]: ...
     @overload
     def arrivals(
-        self, a: Topic[A], b: Topic[B], d: Topic[D], e: Topic[E], /, *, anywhere: bool = False
+        self, a: Topic[A], b: Topic[B], d: Topic[D], e: Topic[E], /, *, anywhere: bool = False, mirrored: bool = False
     ) -> AsyncIterator[Arrival[A | B | D | E]]: ...
-    def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Arrival[Any]]:
+    def arrivals(
+        self, *topics: Topic[Any], anywhere: bool = False, mirrored: bool = False
+    ) -> AsyncIterator[Arrival[Any]]:
         """Messages with their senders, in order of arrival, until the service is stopped.
 
         Subscribes when called, not at the first step. From the service's own place (every
-        device), or from every place of the line. What cannot be decoded is counted and
-        left out; duplicates are left out.
+        device), or from every place of the line; `mirrored`: from every place beyond a bridge,
+        as its far end says it again. What cannot be decoded is counted and left out;
+        duplicates are left out.
         """
 
     @overload
@@ -117,6 +129,25 @@ class Node(Protocol):
 
     def samples(self, key_expression: str) -> AsyncIterator[Sample]:
         """Undecoded publications of every declared topic whose key matches, on one subscription."""
+
+    async def publish_mirrored(self, sample: Sample) -> None:
+        """Say a bridged publication again under its mirrored key, payload and sender's mark as they were.
+
+        Raises UndeclaredTopicError unless the service declares that it mirrors, TopicError for a key
+        that no topic has.
+        """
+
+    def questions(self, query: Query[Q, R], **fields: str) -> AsyncIterator[Question[Q, R]]:
+        """Questions put to this service at its place, in order, until the service is stopped.
+
+        Each is to be answered or refused. What cannot be decoded is refused and counted.
+        """
+
+    async def ask(self, query: Query[Q, R], place: Place, request: Q, *, timeout_s: float, **fields: str) -> R:
+        """Answer of whoever answers `query` at `place`. Raises NoAnswerError, RefusedError."""
+
+    def elsewhere(self, bus: BusConfig) -> AbstractAsyncContextManager[Node]:
+        """Access of the same service to another router, as soon as one answers there; health stays the same."""
 
     def ready(self) -> None:
         """Say that the service has subscribed, has loaded what it needs, and answers from now on."""
@@ -143,6 +174,10 @@ class Service(Generic[C]):
     run: Callable[[Node, C], Awaitable[None]]
     """Returns when the node is stopping or the work is done; an exception ends the process."""
     about: str
+    answers: tuple[Query[Message, Message], ...] = ()
+    asks: tuple[Query[Message, Message], ...] = ()
+    mirrors: bool = False
+    """It says again, under mirrored keys, what came over a bridge."""
 
     def require_read(self, topic: Topic[Message]) -> None:
         """Raise UndeclaredTopicError unless the service declares that it reads `topic`."""
@@ -154,4 +189,22 @@ class Service(Generic[C]):
         """Raise UndeclaredTopicError unless the service (or the runtime for it) writes `topic`."""
         if topic not in self.writes and topic not in (HEALTH, SERVICE_EVENT):
             msg = f"{self.name} does not declare that it writes {topic.template}: add it to `writes` of its Service"
+            raise UndeclaredTopicError(msg)
+
+    def require_answer(self, query: Query[Message, Message]) -> None:
+        """Raise UndeclaredTopicError unless the service declares that it answers `query`."""
+        if query not in self.answers:
+            msg = f"{self.name} does not declare that it answers {query.template}: add it to `answers` of its Service"
+            raise UndeclaredTopicError(msg)
+
+    def require_ask(self, query: Query[Message, Message]) -> None:
+        """Raise UndeclaredTopicError unless the service declares that it asks `query`."""
+        if query not in self.asks:
+            msg = f"{self.name} does not declare that it asks {query.template}: add it to `asks` of its Service"
+            raise UndeclaredTopicError(msg)
+
+    def require_mirror(self) -> None:
+        """Raise UndeclaredTopicError unless the service declares that it mirrors."""
+        if not self.mirrors:
+            msg = f"{self.name} does not declare that it says bridged publications again: set `mirrors` of its Service"
             raise UndeclaredTopicError(msg)

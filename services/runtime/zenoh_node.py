@@ -7,23 +7,26 @@ import secrets
 import threading
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import asynccontextmanager, suppress
 from typing import Any, Self, TypeVar
 
 import zenoh
 
 from schemas.codec import encode
 from schemas.message import Message
-from schemas.topic import Delivery, Place, Topic, TopicError
+from schemas.topic import Delivery, Place, Query, Topic, TopicError, mirrored_key
 from schemas.topics import TABLE
 from services.runtime.alive import AliveChange, Token, tokens_anywhere
+from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import Clock
 from services.runtime.health import HealthBoard
 from services.runtime.host_config import BusConfig
 from services.runtime.inbox import DEFAULT_CAPACITY, Inbox
-from services.runtime.node import Sample, Service
+from services.runtime.node import Node, Sample, Service
+from services.runtime.question import Question, answer_of
 from services.runtime.zenoh_liveliness import AliveWatch, IdentityTakenError, claim, services_alive
 from services.runtime.zenoh_publishers import NodeClosedError, Outlet, Sender, declare
+from services.runtime.zenoh_queries import Asker, Queryable
 from services.runtime.zenoh_session import close_session, open_session
 from services.runtime.zenoh_subscriptions import Subscription
 
@@ -71,6 +74,10 @@ class ZenohNode:
         self._inboxes: list[Inbox] = []
         self._subscriptions: list[Subscription] = []
         self._watches: list[AliveWatch] = []
+        self._queryables: list[Queryable] = []
+        self._others: list[ZenohNode] = []
+        """Of this service on other routers."""
+        self._asker = Asker(session, instance)
         self._closed = False
         self._token: zenoh.LivelinessToken | None = None
 
@@ -124,22 +131,26 @@ class ZenohNode:
         Raises UndeclaredTopicError, TopicError when no topic has the key, and NodeClosedError
         after `close`.
         """
+        outlet = await self._outlet_at(key, self._service.require_write)
+        await self._send(outlet, payload)
+
+    async def _send(self, outlet: Outlet, payload: bytes, attachment: bytes | None = None) -> None:
+        self.health.published += 1
+        if outlet.waits:
+            await self._sender.send(outlet, payload, attachment)
+        else:
+            outlet.put(payload, outlet.mark() if attachment is None else attachment)
+
+    async def _outlet_at(self, key: str, require: Callable[[Topic[Any]], None]) -> Outlet:
         outlet = self._outlets_by_key.get(key)
         if outlet is None:
             address = TABLE.find(key)
             if address is None:
                 msg = f"no topic has the key {key}"
                 raise TopicError(msg)
-            self._service.require_write(address.topic)
+            require(address.topic)
             outlet = await self._declare(address.topic, key)
-        await self._send(outlet, payload)
-
-    async def _send(self, outlet: Outlet, payload: bytes) -> None:
-        self.health.published += 1
-        if outlet.waits:
-            await self._sender.send(outlet, payload)
-        else:
-            outlet.put(payload, outlet.mark())
+        return outlet
 
     async def _declare(self, topic: Topic[Any], key: str) -> Outlet:
         if self._closed:
@@ -156,21 +167,65 @@ class ZenohNode:
                 self._outlets_by_key[key] = outlet
         return outlet
 
-    def arrivals(self, *topics: Topic[Any], anywhere: bool = False) -> AsyncIterator[Any]:
+    async def publish_mirrored(self, sample: Sample) -> None:
+        """Say a bridged publication again; see `Node.publish_mirrored`."""
+        self._service.require_mirror()
+        key = mirrored_key(sample.key)
+        outlet = await self._outlet_at(key, lambda _topic: None)
+        await self._send(outlet, sample.payload, sample.attachment)
+
+    def questions(self, query: Query[Any, Any], **fields: str) -> AsyncIterator[Question[Any, Any]]:
+        """Questions put to this service; see `Node.questions`."""
+        self._service.require_answer(query)
+        queryable = Queryable(self._session, query, query.at(self.place, **fields), self.health)
+        self._queryables.append(queryable)
+        if self._stop.is_set():
+            queryable.stop()
+        return queryable.questions()
+
+    async def ask(
+        self, query: Query[Any, Any], place: Place, request: Message, *, timeout_s: float, **fields: str
+    ) -> Any:  # noqa: ANN401 - the query's reply
+        """Answer of whoever answers; see `Node.ask`."""
+        self._service.require_ask(query)
+        key = query.at(place, **fields)
+        mark = encode_attachment(Attachment(self.source, self.boot_id, 0, self.clock.now_ns()))
+        payload, refused = await self._asker.ask(key, encode(request), mark, timeout_s) or (None, False)
+        return answer_of(query, key, payload, refused=refused)
+
+    @asynccontextmanager
+    async def elsewhere(self, bus: BusConfig) -> AsyncIterator[Node]:
+        """Access to another router; see `Node.elsewhere`."""
+        session = await open_session(
+            bus, lambda reason: self.health.trouble("elsewhere", reason, self.clock.monotonic_s())
+        )
+        node = type(self)(session, bus, self._service, self.place, self.instance, self.clock, self.boot_id)
+        node.health = self.health
+        if self._stop.is_set():
+            node.stop()
+        self._others.append(node)
+        try:
+            yield node
+        finally:
+            self._others.remove(node)
+            await node.close()
+
+    def arrivals(self, *topics: Topic[Any], anywhere: bool = False, mirrored: bool = False) -> AsyncIterator[Any]:
         """Messages with their senders; see `Node.arrivals`."""
-        return self._read(topics, anywhere=anywhere).arrivals(TABLE)
+        return self._read(topics, anywhere=anywhere, mirrored=mirrored).arrivals(TABLE)
 
     def messages(self, *topics: Topic[Any]) -> AsyncIterator[Any]:
         """Messages alone; see `Node.messages`."""
         return self._read(topics, anywhere=False).messages(TABLE)
 
-    def _read(self, topics: tuple[Topic[Any], ...], *, anywhere: bool) -> Inbox:
+    def _read(self, topics: tuple[Topic[Any], ...], *, anywhere: bool, mirrored: bool = False) -> Inbox:
         for topic in topics:
             self._service.require_read(topic)
         lossless = any(topic.delivery in (Delivery.EVENT, Delivery.KEPT) for topic in topics)
         inbox = self._open_inbox(EVENT_CAPACITY if lossless else DEFAULT_CAPACITY)
         for topic in topics:
-            expression = topic.anywhere(self.place.line) if anywhere else topic.within(self.place)
+            widely = anywhere or mirrored
+            expression = topic.anywhere(self.place.line, mirrored=mirrored) if widely else topic.within(self.place)
             self._subscribe(expression, inbox, topic.delivery)
         return inbox
 
@@ -235,6 +290,10 @@ class ZenohNode:
             inbox.close()
         for watch in self._watches:
             watch.close()
+        for queryable in self._queryables:
+            queryable.stop()
+        for other in self._others:
+            other.stop()
 
     async def sleep(self, seconds: float) -> bool:
         """Wait; see `Node.sleep`."""
@@ -266,6 +325,7 @@ class ZenohNode:
         self._outlets_by_key.clear()
         self._sender.refuse_more()
         self._declarer.shutdown(wait=False, cancel_futures=True)
+        self._asker.close()
         unsent = 0
         done = asyncio.Event()
         loop = asyncio.get_running_loop()
@@ -273,6 +333,8 @@ class ZenohNode:
         def end() -> None:
             nonlocal unsent
             unsent = self._sender.finish(FLUSH_S)
+            for queryable in self._queryables:
+                queryable.close()
             for subscription in self._subscriptions:
                 subscription.close(CLOSE_S)
             close_session(self._session)

@@ -117,8 +117,10 @@ class Sender:
         self._thread = threading.Thread(target=self._run, name=f"{name}-sender", daemon=True)
         self._thread.start()
 
-    async def send(self, outlet: Outlet, payload: bytes) -> None:
+    async def send(self, outlet: Outlet, payload: bytes, attachment: bytes | None = None) -> None:
         """Queue one publication; waits while the queue is full. Publications of one key keep their order.
+
+        Marked as the outlet's next unless it comes with an attachment of its own.
 
         Raises NodeClosedError once the node is being closed.
         """
@@ -130,7 +132,7 @@ class Sender:
         if self._finishing:
             msg = f"nothing more goes out on {outlet.key}: the node is closed"
             raise NodeClosedError(msg)
-        self._queue.put((outlet, payload, outlet.mark()))
+        self._queue.put((outlet, payload, outlet.mark() if attachment is None else attachment))
 
     def refuse_more(self) -> None:
         """Let everyone who waits in `send`, or will, have NodeClosedError. On the loop, before `finish`."""
