@@ -76,7 +76,6 @@ class ZenohNode:
         self._watches: list[AliveWatch] = []
         self._queryables: list[Queryable] = []
         self._others: list[ZenohNode] = []
-        """Of this service on other routers."""
         self._asker = Asker(session, instance)
         self._closed = False
         self._token: zenoh.LivelinessToken | None = None
