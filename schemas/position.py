@@ -226,8 +226,13 @@ FaultKind = Literal[
     "tacho_missing_teeth",
     "tacho_reset",
     "tacho_late",
+    "radio_interference",
+    "radio_obstruction",
+    "radio_snow",
+    "radio_degradation",
+    "radio_dead",
 ]
-"""What can go wrong with a simulated train and its sensors."""
+"""What can go wrong with a simulated train, its sensors, and the radios along its line."""
 
 
 class SimulatorFault(Message, frozen=True, kw_only=True):
@@ -237,6 +242,15 @@ class SimulatorFault(Message, frozen=True, kw_only=True):
     active: bool = True
     magnitude: float | None = None
     """By kind: m/s of the wheel against the train (`slide`, `spin`), share of speed (`micro_slip`), rad/s, m/s²,
-    seconds (`imu_late`, `tacho_late`), missing teeth, share of the usual span (`imu_saturated`); None: a usual one."""
+    seconds (`imu_late`, `tacho_late`), missing teeth, share of the usual span (`imu_saturated`), sent power in dBm
+    (`radio_interference`), dB (`radio_obstruction`, `radio_snow`), dB per day (`radio_degradation`); None: a usual
+    one."""
     duration_s: Metres | None = None
     """None: until it is switched off."""
+    start_axis_m: float | None = None
+    """Radio: where the stretch begins; an interferer stands in its middle. None: the whole line."""
+    end_axis_m: float | None = None
+    radio: str = ""
+    """Radio: the wayside radio it befalls; empty: all of them (`radio_dead`: the train's own device)."""
+    channel: str = ""
+    """Radio: the channel it befalls; empty: all of them."""

@@ -40,6 +40,10 @@ class RadioMeasurement(Message, frozen=True, kw_only=True):
     """Of the frames expected in the period."""
     corrected_bits: Annotated[float, Meta(ge=0.0)] | None = None
     """By error correction, per frame."""
+    snr_db: float | None = None
+    """As the device gives it: signal against noise and interference."""
+    rsrq_db: float | None = None
+    """Reference signal received quality of a cell (3GPP TS 36.214)."""
     frequency_offset_hz: float | None = None
     temperature_c: float | None = None
     tx_power_dbm: float | None = None
@@ -53,7 +57,8 @@ class RadioMeasurement(Message, frozen=True, kw_only=True):
     direction: Direction | None = None
     speed_mps: float | None = None
     pass_id: str = ""
-    """One journey over the line in one direction; empty on the wayside."""
+    """One journey over the line in one direction, of the transmitting train on the wayside; empty where no train's
+    place is known."""
     train: str = ""
     """Whose transmission a wayside radio measured, where it knows."""
 

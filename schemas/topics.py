@@ -197,6 +197,13 @@ TRACK_CONFIRMATION = Topic(
     "a person's word that a circuit is clear now",
     from_outside=True,
 )
+RADIO_READING = Topic(
+    "{kind}/{place}/radio/{device}/reading",
+    radio.RadioMeasurement,
+    Delivery.STREAM,
+    2.0,
+    "what a radio device itself reports, before its place is joined",
+)
 RADIO_MEASUREMENT = Topic(
     "{kind}/{place}/radio/{device}/measurement",
     radio.RadioMeasurement,
@@ -286,6 +293,7 @@ ALL: tuple[Topic[Message], ...] = (
     TRACK_HEALTH,
     TRACK_EVENT,
     TRACK_CONFIRMATION,
+    RADIO_READING,
     RADIO_MEASUREMENT,
     RADIO_EVENT,
     RADIO_SECTION,

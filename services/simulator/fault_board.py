@@ -8,6 +8,7 @@ from typing import Final
 
 from schemas.position import FaultKind
 from services.simulator.motion_state import Command
+from services.simulator.radio_faults import ANYWHERE, USUAL_RADIO, Befalls, RadioFault
 from services.simulator.train_scenario import TimedFault
 
 USUAL: Final[dict[FaultKind, float]] = {
@@ -27,10 +28,15 @@ USUAL: Final[dict[FaultKind, float]] = {
     "tacho_missing_teeth": 9.0,
     "tacho_reset": 1.0,
     "tacho_late": 2.0,
+    "radio_interference": USUAL_RADIO["radio_interference"],
+    "radio_obstruction": USUAL_RADIO["radio_obstruction"],
+    "radio_snow": USUAL_RADIO["radio_snow"],
+    "radio_degradation": USUAL_RADIO["radio_degradation"],
+    "radio_dead": USUAL_RADIO["radio_dead"],
 }
 """Magnitude when none is given: m/s of the wheel against the train; share of speed (`micro_slip`); rad/s; m/s²;
 largest reading as a share of the sensor's span in m/s² and rad/s (`imu_saturated`: of 9.8 m/s² and 0.1 rad/s);
-seconds (`_late`); teeth; 1 where there is nothing to measure."""
+seconds (`_late`); teeth; of the radios as there; 1 where there is nothing to measure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +45,8 @@ class Switched:
 
     magnitude: float
     until_s: float
+    since_s: float = 0.0
+    befalls: Befalls = ANYWHERE
 
 
 class FaultBoard:
@@ -49,10 +57,18 @@ class FaultBoard:
         self._timed = sorted(timed, key=lambda fault: fault.at_s)
         self._on: dict[FaultKind, Switched] = {}
 
-    def switch(self, kind: FaultKind, *, now_s: float, magnitude: float | None, seconds: float | None) -> None:
+    def switch(
+        self,
+        kind: FaultKind,
+        *,
+        now_s: float,
+        magnitude: float | None,
+        seconds: float | None,
+        befalls: Befalls = ANYWHERE,
+    ) -> None:
         """Switch a fault on, in place of one of its kind; times since the start."""
         size = USUAL[kind] if magnitude is None else magnitude
-        self._on[kind] = Switched(size, inf if seconds is None else now_s + seconds)
+        self._on[kind] = Switched(size, inf if seconds is None else now_s + seconds, now_s, befalls)
 
     def clear(self, kind: FaultKind) -> None:
         """Switch a fault off."""
@@ -62,10 +78,20 @@ class FaultBoard:
         """Magnitudes of the faults that are on from `now_s` on, which never falls from call to call."""
         while self._timed and self._timed[0].at_s <= now_s:
             fault = self._timed.pop(0)
-            self.switch(fault.kind, now_s=fault.at_s, magnitude=fault.magnitude, seconds=fault.seconds)
+            self.switch(
+                fault.kind, now_s=fault.at_s, magnitude=fault.magnitude, seconds=fault.seconds, befalls=fault.befalls
+            )
         for kind in [kind for kind, one in self._on.items() if one.until_s <= now_s]:
             del self._on[kind]
         return {kind: one.magnitude for kind, one in self._on.items()}
+
+    def radio(self) -> tuple[RadioFault, ...]:
+        """Faults of the radios that are on, as `at` has left them; times since the start."""
+        return tuple(
+            RadioFault(kind, self._on[kind].magnitude, self._on[kind].befalls, self._on[kind].since_s)
+            for kind in USUAL_RADIO
+            if kind in self._on
+        )
 
 
 def command_of(faults: dict[FaultKind, float]) -> Command:

@@ -29,6 +29,7 @@ from schemas.topics import (
 from schemas.track_circuit import ClearConfirmation
 from services.runtime.node import Node, Service
 from services.simulator.constellation import reference_time
+from services.simulator.radio_faults import Befalls
 from services.simulator.scenario import Scenario
 from services.simulator.scenario_file import alignment_for, read_any_scenario
 from services.simulator.simulation import Simulation, utc_ns
@@ -215,7 +216,16 @@ async def _listen(node: Node, simulation: TrainSimulation) -> None:
     async for fault in node.messages(SIMULATOR_FAULT):
         if fault.active:
             simulation.faults.switch(
-                fault.kind, now_s=simulation.now_s, magnitude=fault.magnitude, seconds=fault.duration_s
+                fault.kind,
+                now_s=simulation.now_s,
+                magnitude=fault.magnitude,
+                seconds=fault.duration_s,
+                befalls=Befalls(
+                    start_axis_m=fault.start_axis_m,
+                    end_axis_m=fault.end_axis_m,
+                    radio=fault.radio,
+                    channel=fault.channel,
+                ),
             )
         else:
             simulation.faults.clear(fault.kind)

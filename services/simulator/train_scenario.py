@@ -24,6 +24,7 @@ from services.simulator.motion_settings import (
     Tacho,
     Vehicle,
 )
+from services.simulator.radio_faults import Befalls
 from services.simulator.random_track import TrackSettings
 from services.simulator.scenario import Name, Receiver, ScenarioError, Sky, require_finite
 
@@ -53,8 +54,8 @@ class Gnss(Part, frozen=True, kw_only=True):
     antenna_above_rail_m: Positive = 4.0
 
 
-class TimedFault(Part, frozen=True, kw_only=True):
-    """A fault of the train or its sensors."""
+class TimedFault(Befalls, frozen=True, kw_only=True):
+    """A fault of the train, its sensors, or the radios of its line."""
 
     kind: FaultKind
     at_s: NotNegative
@@ -63,6 +64,13 @@ class TimedFault(Part, frozen=True, kw_only=True):
     """None: until the end."""
     magnitude: float | None = None
     """None: a usual one (docs/simulator.md)."""
+
+    @property
+    def befalls(self) -> Befalls:
+        """Where it is."""
+        return Befalls(
+            start_axis_m=self.start_axis_m, end_axis_m=self.end_axis_m, radio=self.radio, channel=self.channel
+        )
 
 
 class TrainScenario(Part, frozen=True, kw_only=True):

@@ -376,6 +376,7 @@ EXAMPLES: dict[type[Message], Message] = {
         decoded_power_dbm=-72.0,
         received_ratio=0.98,
         corrected_bits=1.5,
+        snr_db=18.5,
         frequency_offset_hz=-210.0,
         temperature_c=31.0,
         tx_power_dbm=20.0,
