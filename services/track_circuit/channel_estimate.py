@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from services.track_circuit.burst_sums import add_normal_equations
+
 LEAD = 3
 """Chips by which the response may begin before the nominal place of its chip."""
 TAPS = 12
@@ -40,6 +42,12 @@ class NormalEquations:
         self.right += regressors.T @ observed
         self.energy += float(np.sum(np.abs(observed) ** 2))
         self.rows += len(regressors)
+
+    def add_burst(self, chips: NDArray[np.float64], samples: NDArray[np.complex128]) -> None:
+        """Take all rows of a burst: its chips, and its samples from LEAD chips before the first on."""
+        taps = len(self.matrix)
+        self.energy += add_normal_equations(chips, samples, LEAD + first_row(taps), self.matrix, self.right)
+        self.rows += len(chips) - taps + 1
 
     def solve(self, spread: float = 0.0) -> NDArray[np.complex128]:
         """The response, shape (2, taps).

@@ -23,6 +23,8 @@ SELDOM: Final = 8
 """Bursts between searches later on: tones stay, searching costs as much as receiving."""
 FADE: Final = 0.9
 """Share of the averaged spectrum kept from burst to burst."""
+SAME: Final = 2e-5
+"""Cycles per sample by which a tone may move and is still the same: a twentieth of what a burst resolves."""
 NYQUIST: Final = 0.5
 MOST_TONES: Final = 24
 MAINS_HZ: Final = (50.0, 60.0)
@@ -60,12 +62,14 @@ class ToneFinder:
         self._bursts += 1
 
     def tones(self, carrier_hz: float) -> NDArray[np.float64]:
-        """Frequencies relative to the carrier in cycles per sample: the mains comb, then lines, strongest first.
+        """Frequencies relative to the carrier in cycles per sample: the mains comb and single lines, ascending.
 
-        From one search to the next the very same array is given.
+        The very same array is given until something new is found.
         """
         if self._bursts in EARLY or self._bursts % SELDOM == 0:
-            self._found = self._search(carrier_hz)
+            found = np.sort(self._search(carrier_hz))
+            if len(found) != len(self._found) or np.max(np.abs(found - self._found), initial=0.0) > SAME:
+                self._found = found
         return self._found
 
     def _search(self, carrier_hz: float) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.numerics.kernel import kernel
+from services.track_circuit.burst_sums import matched_without_pilot
 from services.track_circuit.channel_estimate import (
     TAPS,
     NormalEquations,
@@ -172,7 +173,7 @@ class MlseReceiver:
         sums = self._sums.copy()
         sums.fade(MEMORY)
         chips = pilot_chips + spread(symbols, self._code1)
-        sums.add(rows_of(chips), observed_rows(burst.samples, len(chips)))
+        sums.add_burst(chips, burst.samples)
         return sums
 
     def _decide(
@@ -181,12 +182,8 @@ class MlseReceiver:
         """Soft values, and the constellation with decided neighbours taken out."""
         waveform = response(taps, self._code1)
         symbol_samples = 2 * self._profile.code_length
-        count = len(burst.pilots)
-        pilot = response(taps, pilot_chips)
-        residual = np.zeros(symbol_samples * (count - 1) + len(waveform), np.complex128)
-        length = min(len(residual), len(burst.samples), len(pilot))
-        residual[:length] = burst.samples[:length] - pilot[:length]
-        matched = matched_outputs(residual, waveform, symbol_samples, count)
+        matched = np.empty(len(burst.pilots), np.complex128)
+        matched_without_pilot(burst.samples, pilot_chips, taps, waveform, symbol_samples, matched)
         energy = float(np.sum(np.abs(waveform) ** 2)) + 1e-30
         overlap = np.vdot(waveform[symbol_samples:], waveform[:-symbol_samples]) / energy
         soft = sequence_soft(np.ascontiguousarray(matched.real), float(overlap.real))

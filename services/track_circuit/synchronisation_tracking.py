@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.track_circuit.channel_estimate import NormalEquations, observed_rows, rows_of
+from services.track_circuit.channel_estimate import NormalEquations
 
 PHASE_GAIN, FREQUENCY_GAIN = 0.6, 0.25
 DELAY_GAIN, CLOCK_GAIN = 0.5, 0.15
@@ -27,7 +27,7 @@ class Drift:
 def burst_response(samples: NDArray[np.complex128], chips: NDArray[np.float64]) -> NDArray[np.complex128]:
     """The channel's response in one burst with all chips known or decided, shape (2, taps)."""
     sums = NormalEquations()
-    sums.add(rows_of(chips), observed_rows(samples, len(chips)))
+    sums.add_burst(chips, samples)
     return sums.solve()
 
 

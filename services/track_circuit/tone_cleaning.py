@@ -29,6 +29,9 @@ GOOD_DB: Final = -14.0
 DOUBTFUL_DB: Final = -8.0
 """Above, decisions are so often wrong that it pays to measure the tones once more behind the signal."""
 
+FEW: Final = 48
+"""Tones; among more, a whole comb, it does not matter whether CH1's own lines go with them."""
+
 NONE: Final = np.empty(0)
 
 
@@ -81,10 +84,8 @@ class CleanReception:
         """Ways to receive bursts of `count` samples: each takes out more than the one before."""
         self._found, self._count, self._least_db = tones, count, -np.inf
         own = np.abs(np.abs(tones) - 0.25) < 0.5 * OWN_CHIP_RATES
-        sets = [part for part in (tones[~own], tones) if len(part)]
-        if len(sets) > 1 and not own.any():
-            sets = sets[:1]
-        self._ways = [None, *(ToneRemoval(part, count) for part in sets)]
+        sets = [tones] if len(tones) > FEW or not own.any() else [tones[~own], tones]
+        self._ways = [None, *(ToneRemoval(part, count) for part in sets if len(part))]
         self._best = min(self._best, len(self._ways) - 1)
 
     def _received(self, burst: Burst, way: ToneRemoval | None) -> _Received:
