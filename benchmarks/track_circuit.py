@@ -51,7 +51,7 @@ class Row:
     reached: bool | None
 
 
-def _counted(
+def counted(
     rail: Rail, snr_db: float, rounds: int, seed: int, *, clock_ppm: float = 0.0, carrier_hz: float = 0.0
 ) -> tuple[int, int]:
     """Wrong bits and bits of the whole chain; bits that were not given out count as half wrong."""
@@ -80,7 +80,7 @@ def error_rates(rounds: int) -> list[Row]:
     rows = []
     for quality in (2.0, 4.0, 6.0):
         for snr_db in (4.32, 6.16):
-            wrong, total = _counted(Rail(quality), snr_db, rounds, int(quality * 100 + snr_db))
+            wrong, total = counted(Rail(quality), snr_db, rounds, int(quality * 100 + snr_db))
             loss = snr_db - snr_of(wrong / total)
             name = f"MLSE, Q = {quality:g}, {snr_db} dB"
             rows.append(
@@ -88,7 +88,7 @@ def error_rates(rounds: int) -> list[Row]:
             )
     snr_db = 6.16
     for ppm, hz in ((50.0, 5.0), (-50.0, -5.0)):
-        wrong, total = _counted(Rail(4.0), snr_db, rounds, 7, clock_ppm=ppm, carrier_hz=hz)
+        wrong, total = counted(Rail(4.0), snr_db, rounds, 7, clock_ppm=ppm, carrier_hz=hz)
         loss = snr_db - snr_of(wrong / total)
         name = f"clock {ppm:+g} ppm, carrier {hz:+g} Hz, Q = 4"
         rows.append(

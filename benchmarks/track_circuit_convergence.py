@@ -40,6 +40,8 @@ class Curve:
 
     receiver: str
     error_rates: dict[int, float]
+    square_errors: dict[int, float]
+    """Mean square error of the symbols, which are ±1."""
 
     @property
     def bits_needed(self) -> int | None:
@@ -55,8 +57,9 @@ class Curve:
 class Scene:
     """A wet circuit, received, and what was stored on it when dry."""
 
-    def __init__(self, quality: float) -> None:
+    def __init__(self, quality: float, snr_db: float = SNR_DB) -> None:
         """Send the same pattern over both."""
+        self.snr_db = snr_db
         generator = np.random.default_rng([SEED, int(quality)])
         self.bits = generator.integers(0, 2, SYMBOLS).astype(np.int8)
         self.symbols = antipodal(self.bits)
@@ -68,19 +71,21 @@ class Scene:
         dry = dry + half_chip_noise(len(dry), STORED_SNR_DB, generator)
         taps = least_squares(dry, self.chips.astype(np.complex128), HALF_CHIP_TAPS, STRIDE)
         self.stored = StoredTaps("nlms", taps)
-        noise = half_chip_noise(100_000, SNR_DB, generator)
+        noise = half_chip_noise(100_000, snr_db, generator)
         self.noise_power = float(np.mean(np.abs(noise) ** 2))
 
-    def error_rate(self, taps: NDArray[np.complex128]) -> float:
-        """Of frozen coefficients."""
+    def errors(self, taps: NDArray[np.complex128]) -> tuple[float, float]:
+        """Error rate and mean square error of frozen coefficients."""
         count = SYMBOLS * PROFILE.code_length
         output = despread(windows(self.clean, count, len(taps), STRIDE) @ taps, self.code1)
         combined = np.zeros(STRIDE * (len(self.code1) - 1) + len(taps), np.complex128)
         for k, chip in enumerate(self.code1):
             combined[STRIDE * k : STRIDE * k + len(taps)] += chip / len(self.code1) * taps
-        sigma = math.sqrt(0.5 * self.noise_power * float(np.sum(np.abs(combined) ** 2))) + 1e-30
+        noise_power = self.noise_power * float(np.sum(np.abs(combined) ** 2))
+        sigma = math.sqrt(0.5 * noise_power) + 1e-30
         inner = (self.symbols * output.real)[2:-2] / sigma
-        return float(np.mean([tail(float(x)) for x in inner]))
+        distance = float(np.mean(np.abs(output - self.symbols)[2:-2] ** 2))
+        return float(np.mean([tail(float(x)) for x in inner])), distance + noise_power
 
     def burst(self, bits: int, generator: np.random.Generator) -> tuple[Burst, complex]:
         """`bits` symbols from a random place on with noise and a random carrier phase, and that phase."""
@@ -88,34 +93,44 @@ class Scene:
         at = int(generator.integers(2, SYMBOLS - bits - 4))
         turn = complex(np.exp(2j * np.pi * generator.random()))
         part = self.clean[2 * at * length : 2 * ((at + bits) * length + LEAD + TAPS)]
-        noisy = (part + half_chip_noise(len(part), SNR_DB, generator)) * turn
+        noisy = (part + half_chip_noise(len(part), self.snr_db, generator)) * turn
         return Burst(noisy, self.pilots[at : at + bits]), turn
 
 
 def curve(scene: Scene, name: str, make: Callable[[], LinearReceiver], trials: int) -> Curve:
-    """Error rates of a receiver over BITS, each the mean over `trials`."""
-    found = {}
+    """Errors of a receiver over BITS, each the mean over `trials`."""
+    rates, squares = {}, {}
     for bits in BITS:
-        generator = np.random.default_rng([SEED, bits])
-        rates = []
-        for _ in range(trials):
-            burst, turn = scene.burst(bits, generator)
-            rates.append(scene.error_rate(make().receive(burst).taps * turn))
-        found[bits] = float(np.mean(rates))
-    return Curve(name, found)
+        rates[bits], squares[bits] = trained(scene, make, bits, trials)
+    return Curve(name, rates, squares)
 
 
-def curves(trials: int) -> list[Curve]:
-    """Warm and cold receivers on the wet circuit with tuned units of quality 4 at 10 dB."""
-    scene = Scene(4.0)
-    made: dict[str, Callable[[], LinearReceiver]] = {
+def trained(scene: Scene, make: Callable[[], LinearReceiver], bits: int, trials: int) -> tuple[float, float]:
+    """Mean error rate and mean square error of a receiver after so many bits."""
+    generator = np.random.default_rng([SEED, bits])
+    found = []
+    for _ in range(trials):
+        burst, turn = scene.burst(bits, generator)
+        found.append(scene.errors(make().receive(burst).taps * turn))
+    rate, square = np.mean(found, axis=0)
+    return float(rate), float(square)
+
+
+def receivers(scene: Scene) -> dict[str, Callable[[], LinearReceiver]]:
+    """Warm and cold receivers, each made anew."""
+    return {
         "warm NLMS 0.05, stored when dry": lambda: LinearReceiver(PROFILE, "nlms", scene.stored),
         "RLS from zero": lambda: LinearReceiver(PROFILE, "rls"),
         "least squares": lambda: LinearReceiver(PROFILE, "least-squares"),
         "NLMS 0.5 from zero": lambda: LinearReceiver(PROFILE, "nlms"),
         "LMS from zero (Arai et al.)": lambda: LinearReceiver(PROFILE, "lms"),
     }
-    return [curve(scene, name, make, trials) for name, make in made.items()]
+
+
+def curves(trials: int) -> list[Curve]:
+    """Warm and cold receivers on the wet circuit with tuned units of quality 4 at 10 dB."""
+    scene = Scene(4.0)
+    return [curve(scene, name, make, trials) for name, make in receivers(scene).items()]
 
 
 QAM_SYMBOLS = 4000

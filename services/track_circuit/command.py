@@ -214,6 +214,9 @@ def demodulate(
     receiver: ReceiverOption = None,
     channel: Channel = 0,
     rate: Rate = 48_000.0,
+    plot: Annotated[
+        Path | None, typer.Option(help="Picture to write, .png or .svg: waveform, error, telegrams.")
+    ] = None,
     *,
     as_json: AsJson = False,
 ) -> None:
@@ -221,10 +224,13 @@ def demodulate(
 
     Set by the profile in the recording, or by --circuit NAME from a configuration.
 
-    Example: kirotei track-circuit demodulate run.sigmf-meta --out telegrams.csv --bits bits.csv
+    Example: kirotei track-circuit demodulate run.sigmf-meta --out telegrams.csv --plot run.svg
     """
     _on_one_core()
     with told("track-circuit demodulate"):
+        if plot is not None and plot.suffix.lower() not in (".png", ".svg"):
+            msg = f"--plot: {plot} is neither .png nor .svg"
+            raise UsageError(msg)
         from services.track_circuit.circuit_reception import receive_recording
         from services.track_circuit.telegrams_file import write_bits, write_telegrams
 
@@ -252,6 +258,10 @@ def demodulate(
         for warning in received.warnings:
             typer.echo(f"warning: {warning}", err=True)
         _fail_without_signal(received, profile, read)
+        if plot is not None:
+            from services.track_circuit.reception_plot import draw_reception, save_picture
+
+            save_picture(plot, draw_reception(received, read, profile, stored))
     typer.echo(json.dumps(result, indent=2) if as_json else _summary(result, out))
 
 
