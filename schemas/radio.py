@@ -150,6 +150,10 @@ class RadioAcceptance(Message, frozen=True, kw_only=True):
 class BinSums(Part, frozen=True, kw_only=True):
     """Mergeable sums over the passes of one day: n, Σ and Σ² of pass values."""
 
+    quantity: Annotated[str, Meta(min_length=1, max_length=32)] = "power"
+    """What was summed: power in dBm, or another column of a measurement."""
+    cell: Annotated[str, Meta(max_length=64)] = ""
+    """Serving cell, where the device tells it."""
     day: Annotated[str, Meta(pattern=r"^\d{4}-\d{2}-\d{2}$")]
     radio: Name
     channel: Name
