@@ -42,7 +42,9 @@ from services.simulator.train_simulation import TICK_NS, Tick, TrainSimulation
 LATEST_S: Final = 1.0
 """Epochs that could not be made in time (the host slept) are left out once they are later than this."""
 CONFIRMED_S: Final = 3.0
-"""A simulated circuit is said to be clear, as its scene begins, after so long."""
+"""A simulated circuit is said to be clear so long after its scene began, and again and again …"""
+CONFIRMED_UNTIL_S: Final = 60.0
+"""… until then, or until something changes in it: whoever hears it may still be compiling its kernels."""
 DeviceName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")]
 
 
@@ -87,14 +89,14 @@ async def _run_circuits(node: Node, circuits: tuple[TrackCircuitSettings, ...]) 
 
     async def follow(settings: TrackCircuitSettings) -> None:
         circuit = SimulatedCircuit(settings)
-        confirmed = False
+        until_s, due_s = min(circuit.unchanged_until_s, CONFIRMED_UNTIL_S), CONFIRMED_S
         while await node.sleep(max(start_s + circuit.next_s + settings.block_s - node.clock.monotonic_s(), 0.0)):
             block = await node.in_thread(lambda: circuit.step(start_ns))
             if block is not None:
                 await node.publish(TRACK_SAMPLES, block, circuit=settings.name)
-            if not confirmed and circuit.next_s >= CONFIRMED_S:
+            if due_s <= circuit.next_s < until_s:
                 # As a person would who sees that no train stands there.
-                confirmed = True
+                due_s += CONFIRMED_S
                 word = ClearConfirmation(t_ns=node.clock.now_ns(), circuit=settings.name, by="simulator")
                 await node.publish(TRACK_CONFIRMATION, word, circuit=settings.name)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +47,14 @@ class SimulatedCircuit:
     def next_s(self) -> float:
         """Time of the next block since the start."""
         return self._next / self.settings.sample_rate_hz
+
+    @property
+    def unchanged_until_s(self) -> float:
+        """When the first train, fault or change of the weather comes; infinite where none does."""
+        points = self.settings.ballast
+        changes = [one.enter_s for one in self.settings.trains] + [one.begin_s for one in self.settings.outages]
+        changes += [a.t_s for a, b in pairwise(points) if a.s_per_km != b.s_per_km][:1]
+        return min(changes, default=math.inf)
 
     def ballast_s_per_km(self, t_s: float) -> float:
         """Leakage at a time."""
