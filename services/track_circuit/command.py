@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from services.runtime.told_command import UsageError, told
+from services.track_circuit import watch_command
 
 if TYPE_CHECKING:
     from services.track_circuit.circuit_reception import Received
@@ -28,6 +29,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Track circuits: telegrams, bits and codes out of recordings; coefficients from trial runs.",
 )
+app.command()(watch_command.watch)
 RecordingPath = Annotated[
     Path, typer.Argument(help="Recording: .sigmf-meta, .wav, or - for raw 16-bit samples on standard input.")
 ]
