@@ -25,6 +25,8 @@ from services.track_circuit.fixed_point import decide_q15
 from services.track_circuit.lms import adapt
 from services.track_circuit.mlse import matched_outputs, sequence_soft
 from services.track_circuit.modulate import antipodal, spread
+from services.track_circuit.occupancy import Occupancy, OccupancySettings
+from services.track_circuit.occupancy_trials import ramp_trials, train_trials
 from services.track_circuit.profile import Framing
 from services.track_circuit.qam import theoretical_ber
 from services.track_circuit.receiver_demodulation import demodulate
@@ -36,6 +38,8 @@ from services.track_circuit.walsh import code
 SEED = 20261122
 BITS_PER_ROUND = 12_000
 FILTER_TAPS = 32
+TRAINS, RAMPS, RAMP_H = 10_000, 24, 2.0
+"""Random circuits with a train, and empty ones that get wet within so many hours."""
 FILTER_ROUNDS = 40
 """Of a few milliseconds each: the least of them is what the core does when nobody shares it."""
 
@@ -247,10 +251,33 @@ def telegrams(rounds: int) -> Row:
     return Row("false telegrams", ours, f"{seen} in {count} random bits", "< 1e-9, none", reached=reached)
 
 
+def occupancy() -> list[Row]:
+    """Trains in random circuits, rain in empty ones, and a start of which nothing is known."""
+    settings = OccupancySettings()
+    rows = []
+    for number, shunt_ohm in enumerate((0.06, 0.5)):
+        found = train_trials(TRAINS, shunt_ohm, np.random.default_rng([SEED, 81, number]), settings)
+        beside = f"smallest drop {found.smallest_drop_db:.1f} dB, threshold {settings.drop_db:g} dB"
+        name, ours = f"trains undetected, {shunt_ohm:g} ohm shunt", f"{found.undetected} of {found.cases}"
+        rows.append(Row(name, ours, beside, "0", reached=found.undetected == 0))
+    rain = ramp_trials(RAMPS, RAMP_H, np.random.default_rng([SEED, 82]), settings)
+    ours = f"{rain.false_occupied} of {rain.ramps} ramps of {RAMP_H:g} h"
+    rows.append(Row("false occupied, dry to wet", ours, "", "0 per day", reached=rain.false_occupied == 0))
+    unknown, day_s = Occupancy(settings, 0.0), 86_400
+    for t_s in range(day_s):
+        unknown.telegram(float(t_s))
+        unknown.level(-20.0, float(t_s))
+    state = unknown.verdict(float(day_s)).state
+    rows.append(
+        Row("unknown start, level and telegrams good", f"{state} after a day", "", "occupied", state == "occupied")
+    )
+    return rows
+
+
 def run(*, json: bool, rounds: int) -> None:
     """Print the table; `rounds` lengthens every measurement."""
     rows = [*error_rates(rounds), fixed_point(rounds), *convergence(rounds), *qam(rounds), *throughput(rounds)]
-    rows.append(telegrams(rounds))
+    rows += [telegrams(rounds), *occupancy()]
     if json:
         print(json_text.dumps([asdict(row) for row in rows], indent=1, ensure_ascii=False))  # noqa: T201 - the command's output
         return
