@@ -79,7 +79,8 @@ class BridgeStatus(Message, frozen=True, kw_only=True):
 class StoreQuestion(Message, frozen=True, kw_only=True):
     """A question to a cloud's store."""
 
-    about: Literal["radio", "radio_events", "radio_models", "events", "positions", "runs"]
+    about: Literal["radio", "radio_events", "radio_sums", "events"]
+    """`radio_sums`: what was learned, as sums by day, radio, channel, direction and section."""
     from_ns: int | None = None
     until_ns: int | None = None
     from_chainage_m: float | None = None

@@ -1,0 +1,1 @@
+"""What trains and wayside sites sent: kept durably, asked, learned from."""

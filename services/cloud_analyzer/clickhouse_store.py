@@ -1,0 +1,182 @@
+"""The store on ClickHouse, for a fleet: rows on its nodes, what is only ours beside us.
+
+Rows go through a Distributed table, synchronously: a commit is answered once the shards have it. What the
+far end of a bridge must remember (what was had, what is still to be said again) stays in a small embedded
+store, written after the rows: a crash between the two brings a batch again, and its rows replace themselves,
+for they are the same (ReplacingMergeTree over key, source, boot id and sequence, read with FINAL).
+Of the SQL dialect only what the versions from 18.16 on understand is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import msgspec
+
+from schemas.bridge import BridgedRecord, StoreAnswer, StoreQuestion
+from schemas.radio import BinSums
+from services.cloud_analyzer.clickhouse_socket import UNREACHABLE_CODES, ClickHouseError, Node, UnreachableError
+from services.cloud_analyzer.duckdb_store import DAY_NS, DuckDbStore, day_of
+from services.cloud_analyzer.history import Commit, Learned, StoreError
+from services.cloud_analyzer.history_sql import learning_sql, literals, page_after, sql_of
+from services.cloud_analyzer.sums_page import sums_answer
+from services.cloud_analyzer.tables import RADIO, TABLES, Kind, Rows, Table
+from services.lte_bridge.deduplication import StateRow
+
+T = TypeVar("T")
+_TYPES: Final[dict[Kind, str]] = {"bigint": "Int64", "double": "Nullable(Float64)", "varchar": "String"}
+DAY_SQL: Final = "toString(toDate(toDateTime(intDiv(taken_ns, 1000000000), 'UTC')))"
+
+
+class ClickHouseStore:
+    """History on one node or on a cluster."""
+
+    def __init__(
+        self, nodes: Sequence[Node], folder: Path, *, database: str, cluster: str = "", keep_days: float = 400.0
+    ) -> None:
+        """Make the tables where they are missing, on every node. Raises StoreError when a node is away.
+
+        `cluster`: its name in ClickHouse's own configuration; empty for a single node.
+        """
+        if not database.isidentifier() or (cluster and not cluster.isidentifier()):
+            msg = f"{database!r} and {cluster!r} must be plain names"
+            raise StoreError(msg)
+        self._nodes = list(nodes)
+        self._database = database
+        self._cluster = cluster
+        self._keep_days = keep_days
+        self._own = DuckDbStore(folder)
+        for node in self._nodes:
+            self._make_tables(node)
+
+    @property
+    def set_aside(self) -> str:
+        """Where a damaged own store was put, and why; empty when all was well."""
+        return self._own.set_aside
+
+    def _make_tables(self, node: Node) -> None:
+        node.execute(f"CREATE DATABASE IF NOT EXISTS {self._database}")
+        for table in TABLES:
+            columns = ", ".join(f"{name} {_TYPES[kind]}" for name, kind in table.columns)
+            order = ", ".join(name for name, kind in table.columns if kind != "double" and name != "message")
+            node.execute(
+                f"CREATE TABLE IF NOT EXISTS {self._database}.{table.name}_here ({columns}) "
+                "ENGINE = ReplacingMergeTree() "
+                f"PARTITION BY toDate(toDateTime(intDiv(taken_ns, 1000000000), 'UTC')) ORDER BY ({order})"
+            )
+            if self._cluster:
+                node.execute(
+                    f"CREATE TABLE IF NOT EXISTS {self._database}.{table.name} AS {self._database}.{table.name}_here "
+                    f"ENGINE = Distributed({self._cluster}, {self._database}, {table.name}_here, cityHash64(key))"
+                )
+
+    def _name(self, table: Table) -> str:
+        return f"{self._database}.{table.name}" if self._cluster else f"{self._database}.{table.name}_here"
+
+    def _any(self, work: Callable[[Node], T]) -> T:
+        """Result from the first node that can be reached."""
+        away: UnreachableError | None = None
+        for node in list(self._nodes):
+            try:
+                return work(node)
+            except UnreachableError as error:
+                away = error
+                # Ask another one first from now on.
+                self._nodes.remove(node)
+                self._nodes.append(node)
+        raise away or UnreachableError("no node is configured")
+
+    def commit(self, commit: Commit) -> int:
+        """Rows on the nodes, then what is ours; see `Store.commit`."""
+        for table in TABLES:
+            rows = commit.rows.of(table)
+            if rows:
+                body = b"\n".join(msgspec.json.encode(dict(zip(table.names, row, strict=True))) for row in rows)
+                sql = f"INSERT INTO {self._name(table)} FORMAT JSONEachRow"
+                self._any(lambda node, sql=sql, body=body: node.execute(sql, body, {"insert_distributed_sync": 1}))  # type: ignore[misc]  # bound at once
+        return self._own.commit(Commit(Rows(), commit.had, commit.forgotten, commit.outbox))
+
+    def published(self, number: int) -> None:
+        """Forget outbox entries; see `Store.published`."""
+        self._own.published(number)
+
+    def unpublished(self) -> Iterable[tuple[int, Sequence[BridgedRecord]]]:
+        """Outbox entries; see `Store.unpublished`."""
+        return self._own.unpublished()
+
+    def had(self) -> Iterable[StateRow]:
+        """What was had; see `Store.had`."""
+        return self._own.had()
+
+    def ask(self, question: StoreQuestion, timeout_s: float) -> StoreAnswer:
+        """A page, partial when shards are away; see `Store.ask`."""
+        if question.about == "radio_sums":
+            return sums_answer(question, self.learn(100.0, question.from_ns, question.until_ns))
+        asked = sql_of(question, "relation")
+        sql = literals(asked.sql.replace("FROM relation", f"FROM {self._name(asked.table)} FINAL", 1), asked.parameters)
+        found, partial = self._read(sql, timeout_s)
+        rows = [tuple(row) for row in found]
+        more = len(rows) > asked.limit
+        rows = rows[: asked.limit]
+        return StoreAnswer(
+            t_ns=0,
+            about=question.about,
+            columns=asked.columns,
+            rows=tuple(rows),
+            next_page=page_after(rows[-1], asked.columns) if more else "",
+            partial=partial,
+        )
+
+    def learn(self, section_m: float, from_ns: int | None = None, until_ns: int | None = None) -> Learned:
+        """Sums by day and section, partial when shards are away; see `Store.learn`."""
+        conditions = [f"taken_ns {sign} {bound}" for sign, bound in ((">=", from_ns), ("<", until_ns)) if bound]
+        relation = f"{self._name(RADIO)} FINAL"
+        if conditions:
+            relation = f"(SELECT * FROM {relation} WHERE {' AND '.join(conditions)})"  # noqa: S608 - numbers of our own
+        sql = learning_sql(relation, section_m, day=DAY_SQL, floor="toInt64(floor({x}))")
+        rows, partial = self._read(f"{sql} ORDER BY day, radio, channel, direction, section", 600.0)
+        sums = tuple(
+            BinSums(
+                day=day, radio=radio, channel=channel, direction=direction, section=section, n=n, sum=s, sum_squares=q
+            )
+            for day, radio, channel, direction, section, n, s, q in rows
+        )
+        return Learned(sums, partial)
+
+    def _read(self, sql: str, timeout_s: float) -> tuple[list[list[Any]], str]:
+        """Rows, and what is missing when shards are away: never fewer rows without a word."""
+        settings: dict[str, str | int] = {"max_execution_time": max(1, round(timeout_s)), "skip_unavailable_shards": 0}
+        try:
+            return self._any(lambda node: node.rows(sql, settings)), ""
+        except ClickHouseError as error:
+            if not self._cluster or error.code not in UNREACHABLE_CODES:
+                raise
+            reason = str(error)
+        rows = self._any(lambda node: node.rows(sql, settings | {"skip_unavailable_shards": 1}))
+        return rows, f"at least one shard of {self._cluster} did not answer: {reason[:200]}"
+
+    def tend(self, now_ns: int) -> str:
+        """Drop days older than they are kept, on every node; see `Store.tend`."""
+        oldest = day_of(int(now_ns - self._keep_days * DAY_NS))
+        dropped = 0
+        for node in self._nodes:
+            for table in TABLES:
+                days = node.rows(
+                    "SELECT DISTINCT partition FROM system.parts "  # noqa: S608 - names are our own
+                    f"WHERE active AND database = '{self._database}' AND table = '{table.name}_here' "
+                    f"AND partition < '{oldest}'"
+                )
+                for (day,) in days:
+                    name = str(day).strip("'")
+                    node.execute(f"ALTER TABLE {self._database}.{table.name}_here DROP PARTITION '{name}'")
+                    dropped += 1
+        self._own.tend(now_ns)
+        return f"{dropped} days older than {oldest} dropped" if dropped else ""
+
+    def close(self) -> None:
+        """End it; see `Store.close`."""
+        for node in self._nodes:
+            node.close()
+        self._own.close()

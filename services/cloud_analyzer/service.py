@@ -1,0 +1,193 @@
+"""Takes what bridges bring, keeps it, says it again under mirrored keys, and answers questions about it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from schemas.bridge import BridgeAcknowledgement, BridgeBatch, StoreAnswer, StoreQuestion
+from schemas.topics import INGEST, STORE
+from services.cloud_analyzer import clickhouse_socket
+from services.cloud_analyzer.clickhouse_store import ClickHouseStore
+from services.cloud_analyzer.duckdb_store import DuckDbStore
+from services.cloud_analyzer.history import Store, StoreError
+from services.cloud_analyzer.ingest import Ingest
+from services.lte_bridge.batch import BatchError
+from services.runtime.host_config import Settings
+from services.runtime.node import Node, Sample, Service
+from services.runtime.question import Question
+from services.runtime.state_dir import state_dir
+
+T = TypeVar("T")
+TEND_S = 600.0
+DELAY_SHARE = 0.9
+"""How slowly the ingest delay that is told follows the newest."""
+
+
+class ClickHouseSettings(Settings, frozen=True, kw_only=True):
+    """A fleet's store."""
+
+    urls: Annotated[tuple[str, ...], Meta(min_length=1)] = ("http://127.0.0.1:8123",)
+    """HTTP interfaces of all nodes."""
+    database: str = "kirotei"
+    cluster: str = ""
+    """Name of the cluster in ClickHouse's own configuration; empty for a single node."""
+    user: str = "default"
+    password_file: str | None = None
+    """File that holds the password alone."""
+    timeout_s: Annotated[float, Meta(gt=0.0, le=600.0)] = 30.0
+
+
+class Config(Settings, frozen=True, kw_only=True):
+    """Settings of an analyzer."""
+
+    shard: str = "all"
+    """Name under which bridges and askers reach it; one analyzer serves one line."""
+    store: Literal["duckdb", "clickhouse"] = "duckdb"
+    """`duckdb`: embedded, one host; `clickhouse`: a cluster over HTTP."""
+    folder: str | None = None
+    """Of the embedded store; by default `cloud_analyzer` in the host's state folder."""
+    keep_days: Annotated[float, Meta(gt=0.0)] = 400.0
+    """Older days are deleted."""
+    open_days: Annotated[int, Meta(ge=1, le=60)] = 2
+    """So many days stay in the database before they move into day files."""
+    threads: Annotated[int, Meta(ge=1, le=256)] = 1
+    """Of the embedded store's engine."""
+    relays: tuple[str, ...] = ()
+    """Places ('demo/wayside/W1') whose bridges may speak for every place of the line; others for their own alone."""
+    ask_timeout_s: Annotated[float, Meta(gt=0.0, le=600.0)] = 20.0
+    """A question that takes longer is refused."""
+    clickhouse: ClickHouseSettings = ClickHouseSettings()
+
+
+@dataclass(slots=True)
+class _Work:
+    """What the tasks of one analyzer share."""
+
+    node: Node
+    config: Config
+    store: Store
+    ingest: Ingest
+    writing: asyncio.Lock = field(default_factory=asyncio.Lock)
+
+    async def write(self, work: Callable[[], T]) -> T:
+        """Result of work on the store's one writer."""
+        async with self.writing:
+            return await self.node.in_thread(work)
+
+
+async def run(node: Node, config: Config) -> None:
+    """Answer bridges and askers until stopped."""
+    store = await node.in_thread(lambda: open_store(config, node.place.line))
+    try:
+        ingest = Ingest(node.place.line, await node.in_thread(store.had), frozenset(config.relays))
+        work = _Work(node, config, store, ingest)
+        set_aside = getattr(store, "set_aside", "")
+        if set_aside:
+            node.health.set("set_aside", f"the database was damaged and put aside: {set_aside}")
+        batches = node.questions(INGEST, shard=config.shard)
+        questions = node.questions(STORE, shard=config.shard)
+        async with asyncio.TaskGroup() as group:
+            tending = group.create_task(_tend(work), name="tend")
+            answering = group.create_task(_answer(work, questions), name="answers")
+            await _say_again(work)
+            node.ready()
+            await _take(work, batches)
+            answering.cancel()
+            tending.cancel()
+    finally:
+        await node.in_thread(store.close)
+
+
+def open_store(config: Config, line: str) -> Store:
+    """The configured store. Raises StoreError."""
+    folder = Path(config.folder) if config.folder else state_dir(os.environ) / "cloud_analyzer" / line
+    if config.store == "clickhouse":
+        there = config.clickhouse
+        password = Path(there.password_file).read_text("utf-8").strip() if there.password_file else ""
+        nodes = [clickhouse_socket.Node(url, there.user, password, there.timeout_s) for url in there.urls]
+        return ClickHouseStore(
+            nodes, folder, database=there.database, cluster=there.cluster, keep_days=config.keep_days
+        )
+    return DuckDbStore(folder, keep_days=config.keep_days, open_days=config.open_days, threads=config.threads)
+
+
+async def _say_again(work: _Work) -> None:
+    """What was committed before a crash and not said again."""
+    for number, records in await work.write(work.store.unpublished):
+        for record in records:
+            await work.node.publish_mirrored(Sample(record.key, record.payload, record.attachment, record.heard_ns))
+        await work.write(partial(work.store.published, number))
+
+
+async def _take(work: _Work, batches: AsyncIterator[Question[BridgeBatch, BridgeAcknowledgement]]) -> None:
+    async for question in batches:
+        health = work.node.health
+        try:
+            taken = work.ingest.take(question.request, work.node.clock.now_ns())
+        except (BatchError, ValueError) as error:
+            health.refuse(f"{question.source}: {error}", work.node.clock.monotonic_s())
+            await question.refuse(str(error))
+            continue
+        try:
+            number = await work.write(partial(work.store.commit, taken.commit))
+        except StoreError as error:
+            health.count("commits_failed")
+            health.trouble("store", str(error), work.node.clock.monotonic_s())
+            await question.refuse(f"not taken: {error}")
+            continue
+        work.ingest.confirm(taken)
+        await question.answer(taken.acknowledgement)
+        health.count("rows", len(taken.commit.rows))
+        health.count("repeated", taken.acknowledgement.repeated)
+        if taken.acknowledgement.refused:
+            health.count("undecoded", taken.acknowledgement.refused)
+            health.trouble("undecoded", str(taken.commit.rows.refused[0][2]), work.node.clock.monotonic_s())
+        for record in taken.commit.outbox:
+            await work.node.publish_mirrored(Sample(record.key, record.payload, record.attachment, record.heard_ns))
+        if taken.commit.outbox:
+            await work.write(partial(work.store.published, number))
+
+
+async def _answer(work: _Work, questions: AsyncIterator[Question[StoreQuestion, StoreAnswer]]) -> None:
+    async for question in questions:
+        request = question.request
+        try:
+            answer = await work.node.in_thread(partial(work.store.ask, request, work.config.ask_timeout_s))
+        except (StoreError, ValueError) as error:
+            work.node.health.count("questions_refused")
+            await question.refuse(str(error))
+            continue
+        work.node.health.count("questions")
+        await question.answer(msgspec.structs.replace(answer, t_ns=work.node.clock.now_ns()))
+
+
+async def _tend(work: _Work) -> None:
+    while True:
+        try:
+            done = await work.write(lambda: work.store.tend(work.node.clock.now_ns()))
+            if done:
+                work.node.health.count("days_closed")
+        except StoreError as error:
+            work.node.health.trouble("tend", str(error), work.node.clock.monotonic_s())
+        await asyncio.sleep(TEND_S)
+
+
+SERVICE = Service(
+    "cloud_analyzer",
+    Config,
+    reads=(),
+    writes=(),
+    run=run,
+    about="keeps what trains and wayside sites sent, says it again in the cloud, answers questions about it",
+    answers=(INGEST, STORE),
+    mirrors=True,
+)

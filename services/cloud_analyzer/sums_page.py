@@ -1,0 +1,51 @@
+"""Learned sums as pages of an answer."""
+
+from __future__ import annotations
+
+import math
+
+from schemas.bridge import StoreAnswer, StoreQuestion
+from services.cloud_analyzer.history import Learned
+
+COLUMNS = ("day", "radio", "channel", "direction", "section", "n", "mean_dbm", "sigma_db")
+
+
+def sums_answer(question: StoreQuestion, learned: Learned) -> StoreAnswer:
+    """A page of sums with mean and standard deviation. ValueError for a page that is none."""
+    try:
+        first = int(question.page or "0")
+    except ValueError as error:
+        msg = "no page of these sums: take it from the answer before"
+        raise ValueError(msg) from error
+    wanted = [
+        one
+        for one in learned.sums
+        if question.radio in ("", one.radio) and question.channel in ("", one.channel) and one.n > 0.0
+    ]
+    rows = tuple(
+        (
+            one.day,
+            one.radio,
+            one.channel,
+            one.direction,
+            one.section,
+            one.n,
+            one.sum / one.n,
+            _sigma(one.n, one.sum, one.sum_squares),
+        )
+        for one in wanted[first : first + question.limit]
+    )
+    later = first + question.limit
+    return StoreAnswer(
+        t_ns=0,
+        about=question.about,
+        columns=COLUMNS,
+        rows=rows,
+        next_page=str(later) if later < len(wanted) else "",
+        partial=learned.partial,
+    )
+
+
+def _sigma(n: float, total: float, squares: float) -> float | None:
+    """Sample standard deviation; None of a single value."""
+    return math.sqrt(max(squares - total * total / n, 0.0) / (n - 1.0)) if n > 1.0 else None

@@ -1,0 +1,227 @@
+"""The tables of the store, and how bridged records become their rows.
+
+Every row keeps who said it (key, source, boot id, sequence), when it was measured (`t_ns`, as the sender's
+clock had it) and `taken_ns`, the time that the store goes by: `t_ns` when that can be true, else the time at
+which the bridge heard it, else the time at which it arrived here; `clock` says which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import msgspec
+
+from schemas.bridge import BridgedRecord
+from schemas.codec import DecodeError, decode, encode_json
+from schemas.message import Message
+from schemas.radio import RadioMeasurement
+from schemas.topic import Address
+from schemas.topics import topic_of
+
+Kind = Literal["bigint", "double", "varchar"]
+Value = str | int | float | None
+LATE_NS: Final = 60 * 86_400 * 1_000_000_000
+"""A measurement this long before it was heard is not believed: spools do not reach back so far."""
+AHEAD_NS: Final = 300 * 1_000_000_000
+"""Nor one from so far ahead of it."""
+HEARD_AHEAD_NS: Final = 300 * 1_000_000_000
+"""A bridge's own clock may be so far ahead of ours; behind, by the age of its spool."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """One table: its name and its columns."""
+
+    name: str
+    columns: tuple[tuple[str, Kind], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns, in order."""
+        return tuple(name for name, _ in self.columns)
+
+
+_COMMON: Final[tuple[tuple[str, Kind], ...]] = (
+    ("taken_ns", "bigint"),
+    ("t_ns", "bigint"),
+    ("clock", "varchar"),
+    ("line", "varchar"),
+    ("place", "varchar"),
+    ("key", "varchar"),
+    ("source", "varchar"),
+    ("boot_id", "varchar"),
+    ("sequence", "bigint"),
+)
+_MEASURED: Final[tuple[tuple[str, Kind], ...]] = (
+    ("radio", "varchar"),
+    ("channel", "varchar"),
+    ("side", "varchar"),
+    ("direction", "varchar"),
+    ("branch", "varchar"),
+    ("pass_id", "varchar"),
+    ("train", "varchar"),
+    ("cell", "varchar"),
+    ("chainage_m", "double"),
+    ("axis_m", "double"),
+    ("place_bound_m", "double"),
+    ("speed_mps", "double"),
+    ("channel_power_dbm", "double"),
+    ("decoded_power_dbm", "double"),
+    ("received_ratio", "double"),
+    ("corrected_bits", "double"),
+    ("frequency_offset_hz", "double"),
+    ("temperature_c", "double"),
+    ("tx_power_dbm", "double"),
+)
+RADIO: Final = Table("radio", _COMMON + _MEASURED)
+EVENTS: Final = Table(
+    "events",
+    (
+        *_COMMON,
+        ("topic", "varchar"),
+        ("kind", "varchar"),
+        ("radio", "varchar"),
+        ("channel", "varchar"),
+        ("chainage_m", "double"),
+        ("message", "varchar"),
+    ),
+)
+REFUSED: Final = Table(
+    "refused",
+    (("taken_ns", "bigint"), ("key", "varchar"), ("reason", "varchar"), ("payload_hex", "varchar")),
+)
+TABLES: Final = (RADIO, EVENTS, REFUSED)
+MOST_REFUSED_BYTES: Final = 65_536
+
+
+class _Mark(msgspec.Struct, frozen=True, array_like=True, gc=False):
+    source: str
+    boot_id: str
+    sequence: int
+
+
+_MARKS = msgspec.msgpack.Decoder(_Mark)
+_NO_MARK = _Mark("", "", -1)
+
+
+@dataclass(slots=True)
+class Rows:
+    """Rows by table, in order."""
+
+    radio: list[tuple[Value, ...]] = field(default_factory=list)
+    events: list[tuple[Value, ...]] = field(default_factory=list)
+    refused: list[tuple[Value, ...]] = field(default_factory=list)
+
+    def of(self, table: Table) -> list[tuple[Value, ...]]:
+        """Rows of a table."""
+        return {"radio": self.radio, "events": self.events, "refused": self.refused}[table.name]
+
+    def extend(self, other: Rows) -> None:
+        """Append another's."""
+        self.radio += other.radio
+        self.events += other.events
+        self.refused += other.refused
+
+    def __len__(self) -> int:
+        """Rows of all tables."""
+        return len(self.radio) + len(self.events) + len(self.refused)
+
+
+def rows_of(records: Sequence[BridgedRecord], now_ns: int, allowed: frozenset[str] | None) -> Rows:
+    """Rows of bridged records.
+
+    `allowed`: places ('demo/train/T1') whose keys may be told; None for any. What cannot be taken becomes a
+    row of `refused`, with the reason and what was said, so that nothing that was acknowledged is lost.
+    """
+    rows = Rows()
+    for record in records:
+        address = topic_of(record.key)
+        reason = _fault(address, allowed)
+        message: Message | None = None
+        if not reason and address is not None:
+            try:
+                message = decode(address.topic.message, record.payload)
+            except DecodeError as error:
+                reason = str(error)
+        if message is None or address is None:
+            shown = record.payload[:MOST_REFUSED_BYTES].hex()
+            rows.refused.append((_heard_ns(record.heard_ns, now_ns), record.key, reason, shown))
+        elif isinstance(message, RadioMeasurement):
+            rows.radio.append(_common(message, record, address, now_ns) + _measured(message))
+        else:
+            rows.events.append(_common(message, record, address, now_ns) + _event(message, address))
+    return rows
+
+
+def _fault(address: Address | None, allowed: frozenset[str] | None) -> str:
+    if address is None:
+        return "no topic of this version has the key"
+    if address.mirrored:
+        return "a mirrored key is not bridged again"
+    if allowed is not None and str(address.place) not in allowed:
+        return f"the bridge may not speak for {address.place}"
+    return ""
+
+
+def _heard_ns(heard_ns: int, now_ns: int) -> int:
+    return heard_ns if now_ns - LATE_NS <= heard_ns <= now_ns + HEARD_AHEAD_NS else now_ns
+
+
+def _time(t_ns: int, heard_ns: int, now_ns: int) -> tuple[int, str]:
+    """Time that the store goes by, and whose clock was not believed."""
+    believed_ns = _heard_ns(heard_ns, now_ns)
+    if believed_ns - LATE_NS <= t_ns <= believed_ns + AHEAD_NS:
+        return t_ns, "" if believed_ns == heard_ns else "bridge"
+    return believed_ns, "device" if believed_ns == heard_ns else "device and bridge"
+
+
+def _common(message: Message, record: BridgedRecord, address: Address, now_ns: int) -> tuple[Value, ...]:
+    try:
+        mark = _MARKS.decode(record.attachment)
+    except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
+        mark = _NO_MARK
+    taken_ns, clock = _time(message.t_ns, record.heard_ns, now_ns)
+    place = address.place
+    t_ns = max(-(2**63), min(2**63 - 1, message.t_ns))
+    where = f"{place.kind}/{place.name}"
+    return (taken_ns, t_ns, clock, place.line, where, record.key, mark.source, mark.boot_id, mark.sequence)
+
+
+def _measured(message: RadioMeasurement) -> tuple[Value, ...]:
+    return (
+        message.radio,
+        message.channel,
+        message.side,
+        message.direction or "",
+        message.branch,
+        message.pass_id,
+        message.train,
+        message.cell,
+        message.chainage_m,
+        message.axis_m,
+        message.place_bound_m,
+        message.speed_mps,
+        message.channel_power_dbm,
+        message.decoded_power_dbm,
+        message.received_ratio,
+        message.corrected_bits,
+        message.frequency_offset_hz,
+        message.temperature_c,
+        message.tx_power_dbm,
+    )
+
+
+def _event(message: Message, address: Address) -> tuple[Value, ...]:
+    place_m = getattr(message, "chainage_m", None)
+    if place_m is None:
+        place_m = getattr(message, "section_start_m", None)
+    return (
+        address.topic.name,
+        str(getattr(message, "kind", "")),
+        str(getattr(message, "radio", "")),
+        str(getattr(message, "channel", "")),
+        place_m,
+        encode_json(message).decode(),
+    )

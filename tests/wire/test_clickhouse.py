@@ -1,0 +1,108 @@
+"""The store on two ClickHouse nodes: the same results as the embedded one, and a dead node that is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from schemas.bridge import StoreQuestion
+from services.cloud_analyzer.clickhouse_socket import Node
+from services.cloud_analyzer.clickhouse_store import ClickHouseStore
+from services.cloud_analyzer.duckdb_store import DuckDbStore
+from services.cloud_analyzer.history import Store, StoreError
+from services.cloud_analyzer.ingest import Ingest
+from tests.unit.cloud_analyzer.batches import DAY_NS, NOW_NS, batch, measurement, service_event
+from tests.wire.clickhouse_nodes import SERVER, Server, start_two
+
+pytestmark = pytest.mark.skipif(SERVER is None, reason="no clickhouse-server on this machine")
+COUNT = 4000
+ALL_RADIO = StoreQuestion(t_ns=0, about="radio", limit=50_000)
+QUESTIONS = (
+    StoreQuestion(t_ns=0, about="radio", limit=700, from_chainage_m=100.0, until_chainage_m=4000.0),
+    StoreQuestion(t_ns=0, about="radio", limit=50_000, radio="R3", train="T1", until_ns=NOW_NS + DAY_NS),
+    StoreQuestion(t_ns=0, about="events", limit=7, kind="level"),
+)
+
+
+@pytest.fixture(scope="module")
+def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, Server]]:
+    first, second = start_two(tmp_path_factory.mktemp("clickhouse"))
+    yield first, second
+    for server in (first, second):
+        if server.process.poll() is None:
+            server.stop()
+
+
+@contextmanager
+def cluster(servers: tuple[Server, Server], folder: Path) -> Iterator[ClickHouseStore]:
+    nodes = [Node(server.url, timeout_s=10.0) for server in servers]
+    with closing(ClickHouseStore(nodes, folder, database="kirotei", cluster="fleet")) as store:
+        yield store
+
+
+def fill(store: Store) -> None:
+    ingest = Ingest("demo", store.had())
+    devices = [measurement(n, radio=f"R{n % 5}") for n in range(COUNT)]
+    # Several keys, so that both shards get some.
+    spread = [msgspec.structs.replace(one, key=one.key.replace("/r1/", f"/r{n % 8}/")) for n, one in enumerate(devices)]
+    for first, records in ((0, spread), (COUNT, [service_event(n, "it's \\ fine\n") for n in range(20)])):
+        taken = ingest.take(batch(records, first), NOW_NS + DAY_NS)
+        store.published(store.commit(taken.commit))
+        ingest.confirm(taken)
+
+
+def all_rows(store: Store, question: StoreQuestion) -> list[tuple[object, ...]]:
+    rows: list[tuple[object, ...]] = []
+    while True:
+        answer = store.ask(question, 10.0)
+        assert answer.partial == ""
+        rows += answer.rows
+        if not answer.next_page:
+            return rows
+        question = msgspec.structs.replace(question, page=answer.next_page)
+
+
+def test_two_nodes_give_what_the_embedded_store_gives(servers: tuple[Server, Server], tmp_path: Path) -> None:
+    with cluster(servers, tmp_path / "there") as there, closing(DuckDbStore(tmp_path / "here")) as here:
+        fill(there)
+        fill(here)
+        for question in QUESTIONS:
+            expected = all_rows(here, question)
+            assert len(expected) > 10
+            assert all_rows(there, question) == expected
+        learned, expected_sums = there.learn(100.0), here.learn(100.0)
+        assert len(learned.sums) == len(expected_sums.sums) > 100
+        for one, other in zip(learned.sums, expected_sums.sums, strict=True):
+            assert (one.day, one.radio, one.section, one.n) == (other.day, other.radio, other.section, other.n)
+            # The nodes add in another order.
+            assert one.sum == pytest.approx(other.sum, rel=1e-9)
+            assert one.sum_squares == pytest.approx(other.sum_squares, rel=1e-9)
+        # A batch that comes again, because a crash lay between its rows and what is remembered of it: no row twice.
+        with cluster(servers, tmp_path / "again") as again:
+            fill(again)
+        assert len(all_rows(there, ALL_RADIO)) == COUNT
+        assert "dropped" in there.tend(NOW_NS + 1000 * DAY_NS)
+        assert all_rows(there, ALL_RADIO) == []
+
+
+def test_a_dead_node_gives_a_partial_answer_that_says_so_and_takes_nothing(
+    servers: tuple[Server, Server], tmp_path: Path
+) -> None:
+    with cluster(servers, tmp_path / "there") as store:
+        fill(store)
+        whole = store.ask(ALL_RADIO, 10.0)
+        servers[1].stop()
+        part = store.ask(ALL_RADIO, 10.0)
+        assert 0 < len(part.rows) < len(whole.rows) == COUNT
+        assert "shard of fleet did not answer" in part.partial
+        assert "shard of fleet" in store.learn(100.0).partial
+        more = Ingest("demo", store.had()).take(batch(spread(range(COUNT, COUNT + 100)), COUNT + 20), NOW_NS + DAY_NS)
+        with pytest.raises(StoreError):
+            store.commit(more.commit)
+        servers[0].stop()
+        with pytest.raises(StoreError, match="does not answer"):
+            store.ask(ALL_RADIO, 10.0)
