@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from schemas.bridge import StoreQuestion
+from schemas.bridge import BridgedRecord, StoreQuestion
 from services.cloud_analyzer.clickhouse_socket import Node
 from services.cloud_analyzer.clickhouse_store import ClickHouseStore
 from services.cloud_analyzer.duckdb_store import DuckDbStore
@@ -44,12 +44,17 @@ def cluster(servers: tuple[Server, Server], folder: Path) -> Iterator[ClickHouse
         yield store
 
 
+def spread(numbers: range) -> list[BridgedRecord]:
+    """Measurements under several keys, so that both shards get some."""
+    return [
+        msgspec.structs.replace(measurement(n), key=measurement(n).key.replace("/r1/", f"/r{n % 8}/")) for n in numbers
+    ]
+
+
 def fill(store: Store) -> None:
     ingest = Ingest("demo", store.had())
-    devices = [measurement(n, radio=f"R{n % 5}") for n in range(COUNT)]
-    # Several keys, so that both shards get some.
-    spread = [msgspec.structs.replace(one, key=one.key.replace("/r1/", f"/r{n % 8}/")) for n, one in enumerate(devices)]
-    for first, records in ((0, spread), (COUNT, [service_event(n, "it's \\ fine\n") for n in range(20)])):
+    events = [service_event(n, "it's \\ fine\n") for n in range(20)]
+    for first, records in ((0, spread(range(COUNT))), (COUNT, events)):
         taken = ingest.take(batch(records, first), NOW_NS + DAY_NS)
         store.published(store.commit(taken.commit))
         ingest.confirm(taken)
