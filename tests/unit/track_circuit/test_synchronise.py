@@ -66,6 +66,25 @@ def test_pilot_numbers_go_on_where_a_recording_begins_late() -> None:
     assert np.array_equal(found.bit, BITS)
 
 
+@pytest.mark.parametrize("seed", [8, 53, 76, 79])
+def test_noise_before_the_first_symbol_does_not_number_it_a_period_too_high(seed: int) -> None:
+    # Each of these beginnings holds a symbol of noise, or several, that looks like one of CH2's.
+    generator = np.random.default_rng(seed)
+    clean = recording(noise=0.0)
+    samples = np.concatenate([np.zeros(1600 + 13 * seed), clean])
+    samples += 2.2 * generator.normal(size=len(samples))
+    found = demodulate(samples / np.abs(samples).max(), RATE_HZ, PROFILE)
+    assert found.symbol[0] in (0, 1)
+    assert np.mean(found.bit != BITS[found.symbol]) < 0.01  # 9 dB per bit: 3e-5
+
+
+@pytest.mark.parametrize("first", [1015, 1021, 1022])
+def test_a_recording_may_begin_just_before_the_pilot_repeats(first: int) -> None:
+    found = demodulate(recording(first_pilot=first), RATE_HZ, PROFILE)
+    assert np.array_equal(found.symbol, first + np.arange(420))
+    assert np.array_equal(found.bit, BITS)
+
+
 @pytest.mark.parametrize("row", [3, 13, 15])
 def test_rows_that_hardly_excite_ch1s_band_do_not_lead_mlse_astray(row: int) -> None:
     profile = replace(PROFILE, ch2_row=row)
