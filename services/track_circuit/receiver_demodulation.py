@@ -22,8 +22,8 @@ SHORTEST_SILENCE = 3
 
 RUN_IN_SYMBOLS = 8
 """Symbols before the pilot's first one that may be noise at the begin of a recording."""
-SURE = 0.7
-"""Their mean presence from which they are signal after all: noise beside a signal of 6 dB has 0.0 ± 0.35 per symbol."""
+SURE, SINGLE = 0.5, 0.4
+"""Their mean presence from which they are signal after all: for so many as make chance small, and more for one."""
 
 
 class Demodulator:
@@ -254,9 +254,10 @@ def _drop_run_in(piece: Piece, keep: NDArray[np.bool_], period: int) -> None:
     number all that follows a period too high.
     """
     kept = np.flatnonzero(keep)[: RUN_IN_SYMBOLS + 1]
-    wrap = np.flatnonzero(piece.symbol[kept] % period == 0)
-    if len(wrap) and wrap[0] > 0 and float(np.mean(piece.presence[kept[: wrap[0]]])) < SURE:
-        keep[: kept[wrap[0]]] = False
+    wraps = np.flatnonzero(piece.symbol[kept] % period == 0)
+    count = int(wraps[0]) if len(wraps) else 0
+    if count and float(np.mean(piece.presence[kept[:count]])) < SURE + SINGLE / np.sqrt(count):
+        keep[: kept[count]] = False
 
 
 def demodulate(
