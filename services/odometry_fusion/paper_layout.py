@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -63,14 +64,18 @@ RULES: Final[np.dtype[Any]] = np.dtype([
     ("speed_window", np.int64),
     ("look_back", np.int64),
     ("search", np.int64),
+    ("latency", np.int64),
     ("periods", np.int64),
     ("correction", np.int64),
     ("start_points", np.int64),
     ("spacing", np.int64),
     ("jerk_at_readhesion", np.int64),
+    ("watches_stamps", np.int64),
     *_floats(
         "latency_s",
+        "pulse_m",
         "detection_mps2",
+        "headroom_mps2",
         "jerk_imu",
         "jerk_wheel",
         "jerk_difference",
@@ -115,6 +120,9 @@ STATE: Final[np.dtype[Any]] = np.dtype([
     ("distrusted", np.int64),
     ("watched", np.int64),
     ("reopenable", np.int64),
+    ("begun", np.int64),
+    ("stamped", np.int64),
+    ("jittering", np.int64),
     ("ended_slip", np.int64),
     ("tilted", np.int64),
     ("wrong_axes", np.int64),
@@ -139,6 +147,16 @@ STATE: Final[np.dtype[Any]] = np.dtype([
         "proof_s",
         "proof_x_mps",
         "proof_y_mps",
+        # since the first count while the wheel has not been seen to adhere, -1 from then on; when wheel and inertial
+        # sensor last differed meanwhile, and how far their speeds were apart
+        "fresh_s",
+        "fresh_until_s",
+        "fresh_mps",
+        # last ways at hand, and the variance of the times of the counts
+        "z1_m",
+        "z2_m",
+        "z3_m",
+        "jitter_s2",
     ),
 ])  # fmt: skip
 """What is kept between ticks."""
@@ -184,7 +202,9 @@ REASONS: Final = (
     "re-adhesion not found: stop demanded",
     "re-adhesion was not found since the last standstill",
     "the inertial sensor's axes do not fit the vehicle's",
-    "the correction has lasted long: the error may exceed 5 m + 5 % of the way",
+    "the error may exceed 5 m + 5 % of the way",
+    "begun in motion: the wheel has not been seen to adhere yet",
+    "the times of the counts jitter: slips are seen late, and from uncertain start points",
 )
 NO_IMU: Final = 1
 NO_PULSES: Final = 2
@@ -192,7 +212,9 @@ NO_SENSOR: Final = 3
 NOT_FOUND: Final = 4
 WAS_NOT_FOUND: Final = 5
 WRONG_AXES: Final = 6
-TOO_LONG: Final = 7
+TOO_MUCH: Final = 7
+FRESH: Final = 8
+JITTERING: Final = 9
 
 
 def rules_of(settings: PaperSettings, vehicle: Vehicle) -> Records:
@@ -206,12 +228,16 @@ def rules_of(settings: PaperSettings, vehicle: Vehicle) -> Records:
         "speed_window": max(1, min(window // 2, round(settings.speed_window_s / PERIOD_S))),
         "look_back": round(settings.look_back_s / PERIOD_S),
         "search": round(settings.search_s / PERIOD_S),
+        "latency": math.ceil(vehicle.imu_latency_s / PERIOD_S - 1e-6),
         "periods": settings.periods,
         "correction": CORRECTIONS[settings.pitch_correction],
         "start_points": settings.start_points,
         "spacing": round(settings.start_point_spacing_s / PERIOD_S),
         "jerk_at_readhesion": settings.jerk_at_readhesion,
+        "watches_stamps": settings.watches_stamps,
+        "pulse_m": vehicle.metres_per_pulse,
         "latency_s": vehicle.imu_latency_s,
+        "headroom_mps2": settings.headroom_kmhps / KMH,
         "detection_mps2": own_mps2 if settings.detection_kmhps is None else settings.detection_kmhps / KMH,
         "jerk_imu": settings.jerk_imu_kmhps / KMH,
         "jerk_wheel": settings.jerk_wheel_kmhps / KMH,
@@ -222,7 +248,7 @@ def rules_of(settings: PaperSettings, vehicle: Vehicle) -> Records:
         "bias_hold_s": settings.bias_hold_s,
         "accelerometer_error_mps2": settings.accelerometer_error_kmhps / KMH,
         "threshold_error_mps2": settings.threshold_error_kmhps / KMH,
-        "share": settings.share,
+        "share": settings.share + settings.wear_share,
         "undetected_m": settings.undetected_m,
         "cap_m": settings.cap_m,
         "cap_share": settings.cap_share,

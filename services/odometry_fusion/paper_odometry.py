@@ -45,7 +45,7 @@ class PaperOdometry:
     def __init__(self, vehicle: Vehicle, settings: PaperSettings, known: Remembered | None = None) -> None:
         """Begin at the first count; biases of an earlier run serve until the next standstill."""
         self._rules = rules_of(settings, vehicle)
-        self._share = settings.share
+        self._share = settings.share + settings.wear_share
         self._ticks = TickMaker(vehicle)
         self._state = np.zeros(1, STATE)
         self._state["since_rest_s"] = settings.bias_hold_s

@@ -28,13 +28,13 @@ def departs_unseen(ax_mps2: float, state: Records) -> bool:
 
 
 @kernel
-def watch_rest(ticks: Records, at: int, state: Records) -> bool:
+def watch_rest(ticks: Records, at: int, no_pulses: bool, state: Records) -> bool:  # noqa: FBT001 - a kernel takes its arguments by place
     """Whether the train stands; takes in biases while it does.
 
     The wheel alone cannot tell standing from sliding with locked wheels; this is only asked while it adheres.
     """
     now, tick = state[0], ticks[at]
-    still = at > 0 and tick.way_m == ticks[at - 1].way_m and tick.tacho_missing_s <= 0.0
+    still = at > 0 and tick.way_m == ticks[at - 1].way_m and not no_pulses
     steady = max(abs(tick.gx_radps), abs(tick.gy_radps), abs(tick.gz_radps)) < MOST_RATE_RADPS
     now.rest_ticks = now.rest_ticks + 1 if still and steady else 0
     if now.rest_ticks < REST_TICKS or tick.imu_missing_s > 0.3:  # noqa: PLR2004 - as long as samples are bridged

@@ -47,6 +47,8 @@ class PaperSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """Largest difference of speed at re-adhesion per second of correction. The paper gives no figure."""
     jerk_at_readhesion: bool = False
     """Whether re-adhesion takes the jerk criteria, too (section 4.3.1 suggests it)."""
+    watches_stamps: bool = True
+    """Whether Ta, the jerk criteria and ③ of equation (13) widen where the times of the counts jitter."""
     longest_correction_s: Annotated[float, Meta(ge=5.0, le=120.0)] = 30.0
     """Without re-adhesion until then a stop is demanded."""
     gyro_error_dps: Positive = 0.1
@@ -59,6 +61,9 @@ class PaperSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """③ of equation (13). The paper takes 1.23, the steepest gradient once more, for a start point chosen by jerk."""
     share: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.02
     """Relative error of distance outside slips (section 4.3.1)."""
+    wear_share: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.01
+    """Added to it: a wheel that is off by the 2 % alone leaves nothing for micro-slip, which the paper's line had
+    little of."""
     undetected_m: NotNegative = 2.0
     """What a slip may cost before it is detected."""
     cap_m: NotNegative = 4.99

@@ -6,6 +6,7 @@ import math
 
 from services.numerics.kernel import kernel
 from services.odometry_fusion.motion_log import DEGRADED, LOST, PERIOD_S, VALID
+from services.odometry_fusion.paper_begin import beginning_error, watch_beginning
 from services.odometry_fusion.paper_detection import accelerations_differ
 from services.odometry_fusion.paper_episode import (
     BEGAN,
@@ -24,19 +25,22 @@ from services.odometry_fusion.paper_episode import (
 from services.odometry_fusion.paper_error import distance_error
 from services.odometry_fusion.paper_layout import (
     ADHERING,
+    FRESH,
+    JITTERING,
     NO_IMU,
     NO_PULSES,
     NO_SENSOR,
     NOT_FOUND,
     OVERDUE,
-    TOO_LONG,
+    TOO_MUCH,
     WAS_NOT_FOUND,
     WRONG_AXES,
     Record,
 )
 from services.odometry_fusion.paper_mounting import watch_mounting
 from services.odometry_fusion.paper_rest import departs_unseen, watch_rest
-from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, LONGEST_SILENCE_S, smooth
+from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, counts_missing, smooth
+from services.odometry_fusion.paper_stamps import watch_stamps, widen
 from services.odometry_fusion.paper_track import FASTEST_MPS, present
 from services.odometry_fusion.paper_witness import FACTOR, FADING_S, dismiss, watch_wheel
 from services.odometry_fusion.tick_layout import Records
@@ -49,9 +53,6 @@ SLIP_M = 20.0
 """what a slip costs at worst in nine of ten cases."""
 USUAL_SLIP_S = 12.0
 """Nine of ten slips are over by then (Iwata et al., section 3.1.4: 10 s; and the windows' delay)."""
-DOUBTFUL = 1.75
-"""An episode that may cost so many times what ETCS allows for is told as it is, degraded: (13) is cautious, and errors
-stay below half of it."""
 LATEST_JERK_MPS3 = 1.0
 """By so much the acceleration may change while the sensor's latency passes."""
 
@@ -70,9 +71,12 @@ def run_ticks(
 ) -> int:
     """Rows for ticks from `first` on, earlier ones being history; gives the number of events."""
     count = 0
+    in_force = rules.copy()
     for at in range(first, len(ticks)):
-        smooth(ticks, at, rules[0].window, rules[0].speed_window, smoothed)
-        count = _step(ticks, smoothed, at, at - first, rules, state, tracks, witnesses, out, events, count)
+        watch_stamps(ticks, at, rules[0].pulse_m, state[0].mode == ADHERING, state)
+        state[0].jittering = 1 if widen(rules, state, ticks[at].wheel_speed_mps, in_force) else 0
+        smooth(ticks, at, rules, smoothed)
+        count = _step(ticks, smoothed, at, at - first, in_force, state, tracks, witnesses, out, events, count)
     return count
 
 
@@ -106,11 +110,11 @@ def _step(
     now, tick, rule = state[0], ticks[at], rules[0]
     wrong_axes = watch_mounting(ticks, at, state)
     no_imu = tick.imu_missing_s > LONGEST_HOLD_S or wrong_axes
-    no_pulses = tick.tacho_missing_s > LONGEST_SILENCE_S
+    no_pulses = counts_missing(tick, rule.pulse_m)
     now.excess_m += tick.doubt_m
     stands = False
     if now.mode == ADHERING:
-        stands = watch_rest(ticks, at, state)
+        stands = watch_rest(ticks, at, no_pulses, state)
         if stands:
             now.distrusted = 0
             dismiss(witnesses)
@@ -119,13 +123,15 @@ def _step(
         follow_ended(smoothed, at, rules, state, tracks)
         _watch_gap(tick.way_m, no_imu, state)
         now.forced = 1 if no_pulses else 0
-        slips = (
+        differ = (
             smoothed[at].ready != 0
             and smoothed[at].wheel_ready != 0
             and accelerations_differ(smoothed[at].ax_mps2, smoothed[at].wheel_mps2, rule.detection_mps2)
         )
-        slips = slips or (smoothed[at].ready != 0 and departs_unseen(smoothed[at].ax_mps2, state))
-        if (slips or no_pulses) and not no_imu and begin_episode(ticks, smoothed, at, rules, state, tracks):
+        fresh = watch_beginning(ticks, smoothed, at, differ, state, witnesses) and now.begun != 0
+        slips = differ or (smoothed[at].ready != 0 and departs_unseen(smoothed[at].ax_mps2, state))
+        starts = (slips and not fresh) or no_pulses
+        if starts and not no_imu and begin_episode(ticks, smoothed, at, rules, state, tracks):
             # What witnesses saw before the start point: that may lie within a slip which built up slowly.
             undone_m = tracks[0].distance_m - now.start_offset_m - smoothed[at].way_m
             now.unseen_m = max(now.unseen_m, now.apart_m - abs(undone_m))
@@ -233,7 +239,7 @@ def _write(
         own.gradient_permille = math.nan
         if smoothed[at].ready:
             own.gradient_permille = 1e3 / 9.80665 * (smoothed[at].ax_mps2 - smoothed[at].wheel_mps2)
-        provisional_m += now.apart_m
+        provisional_m += now.apart_m + beginning_error(state)
         if now.gap_s > 0.0:
             provisional_m += _unseen(now.gap_s, abs(tick.way_m - now.gap_way_m))
             error_mps += SLIP_MPS2 * min(now.gap_s, 10.0)
@@ -270,32 +276,37 @@ def _write(
     own.since_rest_s = now.since_rest_s
     own.yaw_radps = tick.gz_radps - now.yaw_bias_radps
     own.sensed_m = own.distance_m - (tick.way_m - tick.aligned_m)
-    own.status, own.reason = _status(now.mode, now.distrusted, no_imu, no_pulses)
+    own.status, own.reason = _status(now, no_imu, no_pulses)
     own.bound_m = rule.share * now.run_m + now.excess_m + provisional_m
-    _limit(rule, own, provisional_m, now.mode == ADHERING or not unproven)
+    _limit(rule, own, now.mode == ADHERING or not unproven)
 
 
 @kernel
-def _limit(rule: Record, own: Record, provisional_m: float, proven: bool) -> None:  # noqa: FBT001 - a kernel takes its arguments by place
-    """Not above what ETCS allows while the status is valid; far beyond it the status is not."""
+def _limit(rule: Record, own: Record, proven: bool) -> None:  # noqa: FBT001 - a kernel takes its arguments by place
+    """Not above what ETCS allows while the status is valid, which it is not once slips may have cost more than that."""
     if own.status == VALID and proven:
         most_m = rule.cap_m + rule.cap_share * abs(own.distance_m)
-        if provisional_m > DOUBTFUL * most_m:
-            own.status, own.reason = DEGRADED, TOO_LONG
+        if own.excess_m + own.provisional_m > most_m:
+            own.status, own.reason = DEGRADED, TOO_MUCH
         else:
             own.bound_m = min(own.bound_m, most_m)
 
 
 @kernel
-def _status(mode: int, distrusted: int, no_imu: int, no_pulses: int) -> tuple[int, int]:
+def _status(now: Record, no_imu: int, no_pulses: int) -> tuple[int, int]:
     if no_imu and no_pulses:
         return LOST, NO_SENSOR
-    if mode == OVERDUE:
-        return DEGRADED, NOT_FOUND
-    if no_pulses:
-        return DEGRADED, NO_PULSES
-    if no_imu:
-        return DEGRADED, NO_IMU
-    if distrusted:
-        return DEGRADED, WAS_NOT_FOUND
-    return VALID, 0
+    reason = 0
+    if now.mode == OVERDUE:
+        reason = NOT_FOUND
+    elif no_pulses:
+        reason = NO_PULSES
+    elif no_imu:
+        reason = NO_IMU
+    elif now.distrusted:
+        reason = WAS_NOT_FOUND
+    elif now.begun != 0 and now.fresh_s >= 0.0:
+        reason = FRESH
+    elif now.jittering:
+        reason = JITTERING
+    return DEGRADED if reason else VALID, reason

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from services.numerics.kernel import kernel
+from services.odometry_fusion.even_stamps import GRID, even_times
 from services.odometry_fusion.motion_log import PERIOD_S, Counts, Floats, SixAxes, Vehicle
 from services.odometry_fusion.pulse_counter import COUNTER, count_way
 from services.odometry_fusion.tick_layout import TICK, Records
@@ -25,6 +26,11 @@ LONGEST_USUAL_NS: Final = 1_100_000_000
 LONGEST_HELD_NS: Final = 30_000_000_000
 """Without counts the last speed is held for so long."""
 SPEED_WINDOW_NS: Final = 300_000_000
+STOPPED_S: Final = 0.5
+STOPPING_MPS2: Final = 1.0
+STOPPING_TEETH: Final = 3.0
+"""A wheel that turned so slowly that it could stop within so many teeth, and has been silent since, has stopped: its
+counter may report every pulse and nothing else."""
 MOST_FORCE_MPS2: Final = 160.0
 MOST_RATE_RADPS: Final = 40.0
 """Beyond what such sensors can show: the sample is broken."""
@@ -71,8 +77,11 @@ def _mean_samples(first: int, last: int, imu_ns: Counts, imu: SixAxes, moving: i
 
 
 @kernel
-def _way_at(t_ns: int, tacho_ns: Counts, way_m: Floats, count: int) -> float:
-    """Way at an instant, between counts or held on by the last speed; counts from `count` on are not known yet."""
+def _way_at(t_ns: int, tacho_ns: Counts, way_m: Floats, count: int, pulse_m: float) -> float:
+    """Way at an instant, between counts or held on by the last speed; counts from `count` on are not known yet.
+
+    After a step of a single pulse it is held on by another one at most: counters that report every pulse would have.
+    """
     after = np.searchsorted(tacho_ns[:count], t_ns, side="right")
     if after == 0:
         return float(way_m[0])
@@ -81,7 +90,10 @@ def _way_at(t_ns: int, tacho_ns: Counts, way_m: Floats, count: int) -> float:
         share = (t_ns - tacho_ns[before]) / (tacho_ns[after] - tacho_ns[before])
         return float(way_m[before] + share * (way_m[after] - way_m[before]))
     age_ns = min(t_ns - tacho_ns[before], LONGEST_HELD_NS)
-    return float(way_m[before] + _rate(int(before), tacho_ns, way_m) * age_ns * 1e-9)
+    held_m = _rate(int(before), tacho_ns, way_m) * age_ns * 1e-9
+    if before > 0 and abs(way_m[before] - way_m[before - 1]) < 1.5 * pulse_m:
+        held_m = min(pulse_m, max(-pulse_m, held_m))
+    return float(way_m[before] + held_m)
 
 
 @kernel
@@ -102,11 +114,16 @@ def make_ticks(
     imu_ns: Counts,
     imu: SixAxes,
     tacho_ns: Counts,
+    even_ns: Counts,
     way_m: Floats,
     doubt_m: Floats,
+    pulse_m: float,
     inertial: Records,
 ) -> None:
-    """Fill ticks whose times are set; inertial samples begin after the tick before the first one."""
+    """Fill ticks whose times are set; inertial samples begin after the tick before the first one.
+
+    Counts are known from their stamps (`tacho_ns`) on, and were taken at `even_ns`.
+    """
     now = inertial[0]
     next_imu = np.searchsorted(imu_ns, ticks[0].t_ns - PERIOD_NS, side="right")
     known = np.searchsorted(tacho_ns, ticks[0].t_ns - PERIOD_NS, side="right")
@@ -116,11 +133,16 @@ def make_ticks(
         while known < len(tacho_ns) and tacho_ns[known] <= tick.t_ns:
             tick.doubt_m += doubt_m[known]
             known += 1
-        tick.way_m = _way_at(tick.t_ns, tacho_ns, way_m, known)
-        tick.aligned_m = _way_at(tick.t_ns - latency_ns, tacho_ns, way_m, known)
-        tick.wheel_speed_mps = _rate(known - 1, tacho_ns, way_m)
+        tick.way_m = _way_at(tick.t_ns, even_ns, way_m, known, pulse_m)
+        tick.aligned_m = _way_at(tick.t_ns - latency_ns, even_ns, way_m, known, pulse_m)
+        tick.wheel_speed_mps = _rate(known - 1, even_ns, way_m)
         usual_ns = min(tacho_ns[known - 1] - tacho_ns[known - 2], LONGEST_USUAL_NS) if known > 1 else 0
         tick.tacho_missing_s = max(0.0, (tick.t_ns - tacho_ns[known - 1] - usual_ns) * 1e-9)
+        if (
+            tick.tacho_missing_s > STOPPED_S
+            and tick.wheel_speed_mps**2 < 2.0 * STOPPING_MPS2 * STOPPING_TEETH * pulse_m
+        ):
+            tick.wheel_speed_mps = 0.0
         last_imu = np.searchsorted(imu_ns, tick.t_ns, side="right")
         _mean_samples(next_imu, last_imu, imu_ns, imu, abs(tick.wheel_speed_mps) > 1.0, inertial)
         next_imu = last_imu
@@ -141,6 +163,8 @@ class TickMaker:
         self._imu_ns = np.empty(0, np.int64)
         self._imu = np.empty((0, 6))
         self._tacho_ns = np.empty(0, np.int64)
+        self._grid = np.zeros(1, GRID)
+        self._even_ns = np.empty(0, np.int64)
         self._way_m = np.empty(0)
         self._doubt_m = np.empty(0)
         self._next_ns: int | None = None
@@ -173,8 +197,10 @@ class TickMaker:
             self._imu_ns,
             self._imu,
             self._tacho_ns,
+            self._even_ns,
             self._way_m,
             self._doubt_m,
+            self._pulse_m,
             self._inertial,
         )
         self._next_ns += due * PERIOD_NS
@@ -189,7 +215,10 @@ class TickMaker:
             new_ns = _ns(tacho_t_s)
             way_m, doubt_m = np.empty(len(new_ns)), np.empty(len(new_ns))
             count_way(new_ns, np.array(pulses, np.int64), self._pulse_m, self._counter, way_m, doubt_m)
+            even_ns = np.empty(len(new_ns), np.int64)
+            even_times(new_ns, way_m, self._grid, even_ns)
             self._tacho_ns = np.concatenate([self._tacho_ns, new_ns])
+            self._even_ns = np.concatenate([self._even_ns, even_ns])
             self._way_m = np.concatenate([self._way_m, way_m])
             self._doubt_m = np.concatenate([self._doubt_m, doubt_m])
 
@@ -197,7 +226,8 @@ class TickMaker:
         kept = int(np.searchsorted(self._imu_ns, now_ns, side="right"))
         self._imu_ns, self._imu = self._imu_ns[kept:], self._imu[kept:]
         kept = max(0, min(int(np.searchsorted(self._tacho_ns, now_ns - KEPT_NS)), len(self._tacho_ns) - 2))
-        self._tacho_ns, self._way_m, self._doubt_m = self._tacho_ns[kept:], self._way_m[kept:], self._doubt_m[kept:]
+        self._tacho_ns, self._even_ns = self._tacho_ns[kept:], self._even_ns[kept:]
+        self._way_m, self._doubt_m = self._way_m[kept:], self._doubt_m[kept:]
 
 
 def _ns(t_s: Floats) -> Counts:
