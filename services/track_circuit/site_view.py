@@ -95,7 +95,7 @@ def spark(levels_db: deque[float | None]) -> str:
     """Levels as blocks, the highest of them the tallest; a dot where there was no signal.
 
     >>> spark(deque([-20.0, -32.0, None]))
-    '█▄·'
+    '█▅·'
     """
     known = [level for level in levels_db if level is not None]
     top = max(known, default=0.0)

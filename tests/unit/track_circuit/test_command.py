@@ -71,6 +71,20 @@ def test_telegrams_and_bits_of_a_recording(tmp_path: Path, simulated: NDArray[np
     assert list(rows_of(bits)[0]) == ["symbol", "bit", "soft"]
 
 
+def test_a_picture_is_drawn_on_demand_and_other_endings_are_refused(
+    tmp_path: Path, simulated: NDArray[np.float64]
+) -> None:
+    path = recorded(tmp_path, simulated, msgspec.to_builtins(PROFILE))
+    out, plot = tmp_path / "telegrams.csv", tmp_path / "run.svg"
+    result = asked("demodulate", path, "--out", out, "--plot", plot)
+    assert result.exit_code == 0, result.stderr
+    assert plot.read_bytes().startswith(b"<?xml")
+    out.unlink()
+    refused = asked("demodulate", path, "--out", out, "--plot", tmp_path / "run.pdf")
+    assert (refused.exit_code, out.exists()) == (2, False)
+    assert "neither .png nor .svg" in refused.stderr
+
+
 def test_trained_coefficients_are_used_and_counted(tmp_path: Path, simulated: NDArray[np.float64]) -> None:
     path, store = recorded(tmp_path, simulated, msgspec.to_builtins(PROFILE)), tmp_path / "store.json"
     for version in (1, 2):
