@@ -75,6 +75,8 @@ class Held:
     stop_demanded: bool = False
     astray: bool = False
     """The odometry has not found the end of a slip: what it says of way and speed until then is not relied on."""
+    doubted: str = ""
+    """Why the odometry is not believed (services.train_position.reliance); empty while it is."""
     said: dict[Source, Said] = field(default_factory=dict)
     refused: dict[str, int] = field(default_factory=dict)
     """Messages that were refused, by kind of reason."""

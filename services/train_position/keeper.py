@@ -76,7 +76,7 @@ class PositionKeeper:
 
     def snapshot(self) -> Snapshot | None:
         """State to survive a restart."""
-        return snapshot_of(self.held)
+        return snapshot_of(self.held, self._steps.sure())
 
     def on_message(self, message: Message, device: str = "") -> list[Message]:
         """Take any message that the position is made of, given the device in its key; others do nothing."""

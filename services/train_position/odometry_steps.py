@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from schemas.message import Message
 from schemas.motion import Odometry
-from services.train_position.claims import Claim, Interval, places_of
 from services.train_position.estimate import Estimate
 from services.train_position.held import Held
-from services.train_position.reach import Instant, Physics, Reach
-from services.train_position.snapshot import Snapshot, restore
+from services.train_position.interruption import Interruption, advance
+from services.train_position.reach import Instant
+from services.train_position.reliance import Reliance
+from services.train_position.snapshot import Snapshot, Sure, restore
 from services.train_position.weighing import weigh
 
 MOST_REFUSED: Final = 20
@@ -19,18 +19,6 @@ MOST_REFUSED: Final = 20
 HIGHEST_MPS: Final = 300.0
 FARTHEST_M: Final = 1e8
 """Beyond these a figure is a mistake."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Left:
-    """What was known when the odometry fell silent."""
-
-    instant: Instant
-    share: float
-    offsets: Interval | None
-    estimate_m: float | None
-    changes: int
-    """Of the make-up until then."""
 
 
 class OdometrySteps:
@@ -41,10 +29,13 @@ class OdometrySteps:
         self._held = held
         self._kept = kept
         self._refused = 0
-        self._left: _Left | None = None
+        self._gone: Interruption | None = None
         self._heard_ns: int | None = None
-        self._adhering: Odometry | None = None
-        """Newest message while the wheels adhered: its speed can be relied on."""
+        self._reliance = Reliance(held)
+
+    def sure(self) -> Sure | None:
+        """What a restart needs to know of before a slip that is under way."""
+        return self._reliance.kept()
 
     def step(self, odometry: Odometry) -> list[Message] | None:
         """Take a message; returns events, or None when it was refused and nothing moved."""
@@ -58,6 +49,7 @@ class OdometrySteps:
         told: list[Message] = []
         if self._kept is not None:
             told = restore(held, self._kept, odometry)
+            self._reliance.restore(self._kept)
             self._kept = None
         now = held.reach.now
         if now is None:
@@ -70,7 +62,7 @@ class OdometrySteps:
         self._refused = 0
         self._heard_ns = odometry.t_ns
         self._note(odometry, now)
-        return told
+        return told + self._judge(odometry)
 
     def without(self, now_ns: int, first_ns: int | None) -> list[Message] | None:
         """Go on to a time without odometry; None while it speaks, or while there is nothing to go on from."""
@@ -93,11 +85,32 @@ class OdometrySteps:
         held = self._held
         if odometry.slip == 0:
             held.astray = False
-        if odometry.status == "lost" or held.astray:
+        told = self._doubts(odometry, now)
+        if odometry.status == "lost" or held.astray or held.doubted:
             if odometry.t_ns <= now.t_ns:
                 return None
-            self._leave(now)
-            return self._grope(odometry.t_ns)
+            self._leave(held.reach.now or now)
+            return told + self._grope(odometry.t_ns)
+        moved = self._take(odometry, now)
+        return None if moved is None else told + moved
+
+    def _doubts(self, odometry: Odometry, now: Instant) -> list[Message]:
+        """Whether to believe a message at all, as it begins anew or has been calm for long."""
+        held = self._held
+        if odometry.t_ns <= now.t_ns:
+            return []
+        if not held.doubted:
+            return self._doubt(self._reliance.begins(odometry, now), odometry)
+        if self._reliance.calm(odometry):
+            held.doubted = ""
+            return [held.event("change", "the odometry is believed again: it has been calm", odometry.t_ns)]
+        if self._gone is not None:
+            self._gone.follow(odometry)
+        return []
+
+    def _take(self, odometry: Odometry, now: Instant) -> list[Message] | None:
+        """Take a message that is believed; None when it was refused."""
+        held = self._held
         if held.blind:
             return self._return(odometry, now)
         if odometry.origin == held.origin:
@@ -106,6 +119,35 @@ class OdometrySteps:
             held.refuse("odometry", odometry.t_ns, "odometry", "odometry of another origin from before")
             return None
         return self._new_origin(odometry, now)
+
+    def _doubt(self, why: str, odometry: Odometry) -> list[Message]:
+        """Believe the odometry no longer, if there is a reason; physics goes on from where it was sure."""
+        held, before = self._held, self._held.reach.now
+        if not why or before is None:
+            return []
+        held.doubted = why
+        anew, slipping = odometry.origin != held.origin, self._reliance.slipping
+        self._reliance.doubt()
+        now = held.reach.now or before
+        if held.estimate is not None:
+            held.estimate.move(before, now)
+        self._gone = Interruption(held, now, takes_word=anew and not slipping)
+        if anew:
+            self._gone.begin_anew(odometry)
+        held.blind = True
+        return [held.event("change", f"the odometry is not believed: {why}", odometry.t_ns)]
+
+    def _judge(self, odometry: Odometry) -> list[Message]:
+        """Hold what the odometry has led to against physics."""
+        held, now = self._held, self._held.reach.now
+        if now is None or held.blind:
+            return []
+        told = self._doubt(self._reliance.against(now), odometry)
+        if told:
+            self._confine()
+        else:
+            self._reliance.note(odometry, now)
+        return told
 
     def _same_origin(self, odometry: Odometry, now: Instant) -> list[Message] | None:
         held = self._held
@@ -118,29 +160,22 @@ class OdometrySteps:
             if odometry.t_ns > now.t_ns:
                 return self._new_origin(odometry, now)
             return self._set_back(odometry, now)
-        self._step(held.reach, odometry, now)
+        advance(held, held.reach, odometry, now)
         return []
 
     def _set_back(self, odometry: Odometry, now: Instant) -> list[Message]:
         """Its clock was set back: the way it counts goes on, the history cannot be used any more."""
         held = self._held
         held.reach.begin(now._replace(t_ns=odometry.t_ns - 1), held.reach.share)
+        self._reliance = Reliance(held)
         counts_on = odometry.way_m >= now.way_m and odometry.excess_m >= now.excess_m
         far_m = held.config.most_speed_mps * held.config.longest_gap_s
         if counts_on and abs(odometry.distance_m - now.distance_m) <= far_m:
-            self._step(held.reach, odometry, now)
+            advance(held, held.reach, odometry, now)
             return [held.event("change", "the odometry's clock was set back; its way goes on", odometry.t_ns)]
-        self._step(held.reach, odometry, now)
+        advance(held, held.reach, odometry, now)
         held.lose("the odometry's clock was set back and its way jumped: a reference must tell the place")
         return [held.event("change", held.lost, odometry.t_ns)]
-
-    def _step(self, reach: Reach, odometry: Odometry, now: Instant) -> None:
-        held = self._held
-        ratio = held.scale.apply(odometry.wheel_scale or 1.0)
-        if ratio != 1.0 and held.estimate is not None:
-            held.estimate.scale = (1.0 + held.estimate.scale) / ratio - 1.0
-        share = max(reach.share, odometry.share_bound)
-        reach.step(odometry, held.scale.now(share), max(now.way_m - held.narrowed_way_m, 0.0))
 
     def _new_origin(self, odometry: Odometry, now: Instant) -> list[Message]:
         """The odometry began anew: physics bounds what lies between."""
@@ -154,29 +189,32 @@ class OdometrySteps:
         elif held.belief.alternatives:
             text = f"the odometry began anew after {away_s:.1f} s: the bounds grow by what the train can have gone"
             told = [held.event("change", text, odometry.t_ns)]
-        held.reach.gap(odometry)
-        # Ways count anew as well.
-        anew_m = odometry.way_m - now.way_m
-        held.narrowed_way_m += anew_m
-        held.reference_way_m += anew_m
-        held.belief.since_way_m += anew_m
+        self._across(odometry, now)
         return told
+
+    def _across(self, odometry: Odometry, now: Instant) -> None:
+        """Go on after a gap; under another origin ways count anew as well."""
+        held = self._held
+        held.reach.gap(odometry)
+        if odometry.origin != held.origin or odometry.way_m < now.way_m:
+            anew_m = odometry.way_m - now.way_m
+            held.narrowed_way_m += anew_m
+            held.reference_way_m += anew_m
+            held.belief.since_way_m += anew_m
 
     def _leave(self, now: Instant) -> None:
         """Remember what was known when the odometry went."""
         held = self._held
-        if self._left is None and not held.blind:
-            estimate_m = None if held.estimate is None else held.estimate.axis_m
+        if self._gone is None and not held.blind:
             # What it counts in a slip whose end it cannot find is no way that it could tell later.
-            offsets = None if held.astray else held.belief.offsets()
-            self._left = _Left(now, held.reach.share, offsets, estimate_m, held.changes)
+            self._gone = Interruption(held, now, takes_word=not held.astray)
         if not held.blind:
             self._doubt_speed(now)
         held.blind = True
 
     def _doubt_speed(self, now: Instant) -> None:
         """In a slip the odometry's speed may be anything: physics goes on from the one before."""
-        held, before = self._held, self._adhering
+        held, before = self._held, self._reliance.newest
         slipping = held.odometry is not None and held.odometry.slip != 0
         if before is None or not slipping or before.t_ns >= now.t_ns:
             return
@@ -203,49 +241,32 @@ class OdometrySteps:
 
     def _return(self, odometry: Odometry, now: Instant) -> list[Message] | None:
         """The odometry speaks again: the way it counted meanwhile is a claim beside what is held by now."""
-        held, left = self._held, self._left
+        held = self._held
         if odometry.t_ns <= now.t_ns:
             held.refuse("odometry", odometry.t_ns, "odometry", "odometry of before")
             return None
-        carried: Interval | None = None
-        middle_m = 0.0
-        counts_on = odometry.origin == held.origin and left is not None and left.changes == held.changes
-        if left is not None and left.offsets is not None and counts_on:
-            physics = Physics(held.config.most_speed_mps, held.config.most_acceleration_mps2)
-            alone = Reach(physics, held.reach.sense)
-            alone.begin(left.instant, left.share)
-            if not alone.refusal(odometry):
-                self._step(alone, odometry, left.instant)
-                after = alone.now or left.instant
-                carried = places_of(left.offsets, after)
-                moved_m = after.likeliest_m - left.instant.likeliest_m
-                middle_m = carried.clip((left.estimate_m or 0.0) + moved_m)
+        carried = None if self._gone is None else self._gone.carried(odometry)
         held.scale.restart()
-        held.reach.gap(odometry)
-        held.blind, self._left = False, None
+        self._across(odometry, now)
+        held.blind, self._gone = False, None
         if carried is None:
             return []
-        half_m = max(carried.width_m / 2.0, 0.0)
         after_gap = held.reach.now or now
-        centre_m = (carried.least_m + carried.greatest_m) / 2.0
-        claim = Claim("odometry", "odometry", odometry.t_ns, centre_m, half_m, max(half_m / 3.0, 0.1))
         if held.estimate is not None:
             held.estimate.move(now, after_gap)
-        told = weigh(held, claim, after_gap)
+        told = weigh(held, carried.claim, after_gap)
         if held.estimate is not None and not held.belief.contradicted:
             held.estimate = Estimate(
-                middle_m, max(half_m / 3.0, 0.1), held.estimate.scale, held.scale_now().largest / 3.0
+                carried.middle_m, carried.claim.sigma_m, held.estimate.scale, held.scale_now().largest / 3.0
             )
         return told
 
     def _note(self, odometry: Odometry, before: Instant | None) -> None:
         """Take over what the message says beside the way."""
         held = self._held
-        if odometry.status != "lost":
+        if not held.blind:
             held.origin = odometry.origin
         held.odometry = odometry
-        if odometry.slip == 0 and odometry.status != "lost":
-            self._adhering = odometry
         now = held.reach.now
         if held.estimate is not None and before is not None and now is not None and not held.blind:
             held.estimate.move(before, now)

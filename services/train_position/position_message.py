@@ -84,7 +84,9 @@ def status_of(held: Held, places: Interval) -> tuple[PositionStatus, str]:
         reasons.append(f"sources contradict each other ({named}): the train may be where either says")
     if not held.confirmed:
         reasons.append(held.unconfirmed)
-    if held.blind or odometry is None:
+    if held.doubted:
+        reasons.append(f"odometry not believed: {held.doubted}; the way gone is bounded by physics alone")
+    elif held.blind or odometry is None:
         reasons.append("no odometry: the way gone is bounded by physics alone")
     elif odometry.status != "valid":
         reasons.append(f"odometry {odometry.status}: {odometry.reason}")

@@ -73,13 +73,24 @@ class Physics:
     acceleration_mps2: float
 
 
+def tube(sure: Instant, t_ns: int, physics: Physics, sense: Sense) -> tuple[float, float]:
+    """Least and greatest displacement that physics allows after an instant: v T ± (δv T + a T² / 2)."""
+    dt_s = (t_ns - sure.t_ns) / 1e9
+    mean_m, limit_m = sure.speed_mps * dt_s, physics.speed_mps * dt_s
+    doubt_m = sure.speed_bound_mps * dt_s + physics.acceleration_mps2 * dt_s**2 / 2.0
+    if sense == 0:
+        span_m = min(abs(mean_m) + doubt_m, limit_m)
+        return -span_m, span_m
+    return max(sense * mean_m - doubt_m, -limit_m), min(sense * mean_m + doubt_m, limit_m)
+
+
 class Reach:
     """The sums, with their history."""
 
     def __init__(self, physics: Physics, sense: Sense = 0) -> None:
         """Nothing heard yet."""
         self.sense: Sense = sense
-        self._physics = physics
+        self._physics: Final = physics
         self._instants: list[Instant] = []
         self._times: list[int] = []
         self._turned_ns: int | None = None
@@ -241,6 +252,21 @@ class Reach:
         self._instants[-1] = self._instants[-1]._replace(
             speed_mps=speed_mps, speed_bound_mps=min(bound_mps, limit + abs(speed_mps))
         )
+
+    def widen(self, sure: Instant) -> None:
+        """Let the newest instant be wherever physics allows since an earlier one, beside where the odometry has it."""
+        now = self._instants.pop()
+        self._times.pop()
+        self._turned_ns = now.t_ns
+        if now.t_ns - 1 not in self._times[-1:]:
+            self._add(now._replace(t_ns=now.t_ns - 1))
+        least_m, greatest_m = tube(sure, now.t_ns, self._physics, self.sense)
+        widened = now._replace(
+            least_m=min(now.least_m, sure.least_m + least_m),
+            greatest_m=max(now.greatest_m, sure.greatest_m + greatest_m),
+        )
+        doubt_m = max(widened.greatest_m - now.greatest_m, now.least_m - widened.least_m)
+        self._add(widened._replace(variance_m2=now.variance_m2 + (doubt_m / BOUND_SIGMAS) ** 2))
 
     def shift(self, least_m: float, greatest_m: float) -> None:
         """Move the front end along the train, by something between these (towards rising `axis_m`)."""

@@ -31,7 +31,7 @@ def landmark_claim(held: Held, match: LandmarkMatch, then: Instant) -> Claim | s
         return f"landmark {match.landmark} is on the branch {match.branch}, which the line does not have"
     if match.bound_m > LARGEST_BOUND_M or abs(match.axis_m) > FARTHEST_M:
         return f"landmark {match.landmark} at {match.axis_m:.0f} m ± {match.bound_m:.0f} m"
-    if match.origin == held.origin:
+    if match.origin == held.origin and not held.blind:
         reach_m = (abs(then.speed_mps) + then.speed_bound_mps) * DELAYED_S + 2.0 * then.provisional_m + 10.0
         if abs(match.distance_m - then.distance_m) > reach_m:
             return (

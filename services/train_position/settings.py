@@ -63,6 +63,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Without odometry for longer the position is lost unless satellites carry it."""
     silent_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 1.0
     """Odometry that has not spoken for so long is taken to be missing."""
+    calm_s: Annotated[float, Meta(ge=0.0, le=600.0)] = 20.0
+    """An odometry that was not believed is believed again after so long without slips: longer than slips last."""
 
     scant_share: Share = 0.02
     """Claims that overlap by less than this share of the narrower one contradict each other."""

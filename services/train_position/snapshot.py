@@ -24,6 +24,16 @@ DEEP_M = 1e5
 """A kept interval wider than this tells nothing."""
 
 
+class Sure(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An instant before the slip that was under way; sums counted from the snapshot's."""
+
+    t_ns: int
+    speed_mps: Number
+    speed_bound_mps: Metres
+    least_m: Number
+    greatest_m: Number
+
+
 class Snapshot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The state of the position at one instant."""
 
@@ -65,10 +75,13 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     narrowed_way_m: Number
     unconfirmed: str
     lost: str
+    sure: Sure | None = None
+    """None: the wheels adhered."""
+    doubted: str = ""
 
 
-def snapshot_of(held: Held) -> Snapshot | None:
-    """State of now; None before anything was heard."""
+def snapshot_of(held: Held, sure: Sure | None = None) -> Snapshot | None:
+    """State of now, with the sure instant before a slip under way; None before anything was heard."""
     now = held.reach.now
     if now is None:
         return None
@@ -111,6 +124,8 @@ def snapshot_of(held: Held) -> Snapshot | None:
         narrowed_way_m=held.narrowed_way_m,
         unconfirmed=held.unconfirmed,
         lost=held.lost,
+        sure=sure,
+        doubted=held.doubted,
     )
 
 
@@ -142,6 +157,7 @@ def restore(held: Held, kept: Snapshot, odometry: Odometry) -> list[Message]:
     held.branches.route, held.track = kept.route, kept.track
     instant = _instant_of(kept)
     held.reach.begin(instant, kept.share)
+    held.doubted, held.blind = kept.doubted, bool(kept.doubted)
     if kept.least_m is None or kept.greatest_m is None or kept.greatest_m - kept.least_m > DEEP_M:
         held.lose(f"restarted; before that there was no place either: {kept.lost}")
         return [held.event("restart", held.lost, odometry.t_ns)]

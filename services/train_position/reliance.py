@@ -1,0 +1,148 @@
+"""Whether the odometry can be relied on, by what no train can do and by how it began.
+
+It is not believed once its speed or way cannot follow what it said while all was well (services.train_position.
+sure_instants), and when it begins anew under way: it knows one speed alone then, which may be a sliding wheel's. From
+there on physics bounds the way, from the last sure instant on. It is believed again after it has been without slips
+and leaps for longer than slips last; what it has counted since it began is then believed, too, unless a slip was under
+way.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+
+from schemas.motion import Odometry
+from services.train_position.held import Held
+from services.train_position.reach import Instant, Physics
+from services.train_position.snapshot import Snapshot, Sure
+from services.train_position.sure_instants import SLACK_MPS, SureInstants
+
+ROUGH_MPS: Final = 3.0
+"""Less is known of the speed by an odometry that is just beginning,"""
+BEGINNING_S: Final = 3.0
+"""which lasts so long."""
+STANDING_MPS: Final = 0.3
+
+
+class Reliance:
+    """Watches the odometry on behalf of the position."""
+
+    def __init__(self, held: Held) -> None:
+        """Nothing has been heard yet."""
+        self._held = held
+        self._physics = Physics(held.config.most_speed_mps, held.config.most_acceleration_mps2)
+        self._sure = SureInstants(self._physics)
+        self._slipping = False
+        self._began_ns = 0
+        self._changes = held.changes
+        self._sense = held.reach.sense
+        self._calm: tuple[int, Odometry] | None = None
+        """Since when it has been calm while it is not believed, and its newest message of that time."""
+
+    @property
+    def newest(self) -> Instant | None:
+        """Newest instant that was sure."""
+        return self._sure.newest
+
+    def kept(self) -> Sure | None:
+        """What a restart needs: the oldest sure instant, its sums counted from now; None where all is well."""
+        sure, now = self._sure.oldest, self._held.reach.now
+        if sure is None or now is None or not self._slipping:
+            return None
+        return Sure(
+            t_ns=sure.t_ns,
+            speed_mps=sure.speed_mps,
+            speed_bound_mps=sure.speed_bound_mps,
+            least_m=sure.least_m - now.least_m,
+            greatest_m=sure.greatest_m - now.greatest_m,
+        )
+
+    def restore(self, kept: Snapshot) -> None:
+        """Take up what was kept, once the sums begin at it."""
+        self._current()
+        now, sure = self._held.reach.now, kept.sure
+        if now is None or sure is None:
+            return
+        self._slipping = True
+        changes = msgspec.structs.asdict(sure) | {"provisional_m": 0.0}
+        self._sure.begin(now._replace(**changes))
+
+    @property
+    def slipping(self) -> bool:
+        """A slip was under way when the odometry was last believed."""
+        return self._slipping
+
+    def begins(self, odometry: Odometry, now: Instant) -> str:
+        """Why an odometry that begins anew is not believed at once; empty when it is, or goes on."""
+        held = self._held
+        if odometry.origin == held.origin or (odometry.t_ns - now.t_ns) / 1e9 > held.config.longest_gap_s:
+            return ""
+        self._began_ns = odometry.t_ns
+        if self._slipping:
+            return "it began anew while the wheels slipped"
+        return "it began anew under way" if abs(now.speed_mps) > STANDING_MPS else ""
+
+    def against(self, now: Instant) -> str:
+        """Why the instant that the odometry has led to cannot be; empty when it can."""
+        self._current()
+        if now.t_ns - self._began_ns < BEGINNING_S * 1e9:
+            return ""
+        return self._sure.against(now, self._held.reach.sense)
+
+    def note(self, odometry: Odometry, now: Instant) -> None:
+        """Take over a message that was believed."""
+        self._current()
+        self._slipping = odometry.slip != 0
+        if self._slipping:
+            self._sure.slip()
+        elif self._is_calm(odometry):
+            self._sure.take(now)
+
+    def doubt(self) -> None:
+        """Put the newest instant where physics allows; the odometry is not believed from now on."""
+        reach, sure = self._held.reach, self._sure.oldest
+        now = reach.now
+        self._calm = None
+        if now is None or sure is None or sure.t_ns >= now.t_ns or not (self._slipping or self.against(now)):
+            return
+        gained_mps = self._physics.acceleration_mps2 * (now.t_ns - sure.t_ns) / 1e9
+        reach.widen(sure)
+        reach.doubt_speed(sure.speed_mps, sure.speed_bound_mps + gained_mps)
+
+    def calm(self, odometry: Odometry) -> bool:
+        """Whether an odometry that was not believed has been calm for long enough."""
+        if self._calm is not None and odometry.origin != self._calm[1].origin:
+            self._began_ns = odometry.t_ns
+        if odometry.slip != 0 or odometry.status == "lost":
+            self._calm = None
+            return False
+        since_ns = odometry.t_ns
+        if self._calm is not None:
+            began_ns, before = self._calm
+            dt_s = (odometry.t_ns - before.t_ns) / 1e9
+            most_mps = self._physics.acceleration_mps2 * dt_s + SLACK_MPS
+            most_mps += odometry.speed_bound_mps + before.speed_bound_mps
+            beginning = odometry.t_ns - self._began_ns < BEGINNING_S * 1e9
+            leaps = abs(odometry.speed_mps - before.speed_mps) > most_mps and not beginning
+            if odometry.origin == before.origin and not leaps:
+                since_ns = began_ns
+        self._calm = (since_ns, odometry)
+        if odometry.t_ns - since_ns < self._held.config.calm_s * 1e9:
+            return False
+        self._sure.begin(None)
+        self._slipping = False
+        return True
+
+    def _is_calm(self, odometry: Odometry) -> bool:
+        beginning = odometry.t_ns - self._began_ns < BEGINNING_S * 1e9
+        rough = beginning or odometry.speed_bound_mps > ROUGH_MPS
+        return odometry.slip == 0 and odometry.status != "lost" and not rough
+
+    def _current(self) -> None:
+        """Sums that count otherwise than before tell nothing of those."""
+        held = self._held
+        if (held.changes, held.reach.sense) != (self._changes, self._sense):
+            self._changes, self._sense = held.changes, held.reach.sense
+            self._sure.begin(None)
