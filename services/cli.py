@@ -6,6 +6,7 @@ import sys
 
 import typer
 
+from services.cloud_analyzer import command as cloud
 from services.gnss_correction import command as gnss
 from services.landmark_matching import command as landmarks
 from services.line import command as line
@@ -41,6 +42,7 @@ app.add_typer(landmarks.app, name="landmarks")
 app.add_typer(position.app, name="position")
 app.add_typer(line.app, name="line")
 app.add_typer(track_circuit.app, name="track-circuit")
+app.add_typer(cloud.app, name="cloud")
 app.command()(simulator.simulate)
 app.command()(simulator.fault)
 app.command()(bus_command.topics)

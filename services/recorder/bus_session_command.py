@@ -93,7 +93,15 @@ class BusSession:
             has_waited = True
 
         reads, writes = ((), topics.ALL) if self.speaks else (topics.ALL, ())
-        service = Service(self.command, msgspec.Struct, reads, writes, _worked_on_by_the_command, "a command at work")
+        service = Service(
+            self.command,
+            msgspec.Struct,
+            reads,
+            writes,
+            _worked_on_by_the_command,
+            "a command at work",
+            asks=topics.QUERIES,
+        )
         return await ZenohNode.open(
             service, self.place, self.command, LiveClock(), bus, on_waiting=waiting, announced=self.speaks
         )

@@ -1,0 +1,88 @@
+"""`kirotei cloud`: what the cloud remembers, asked over the bus."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    no_args_is_help=True, help="What the cloud remembers of trains and wayside sites.", rich_markup_mode=None
+)
+ROUTER = "tcp/127.0.0.1:7447"
+
+
+@app.callback()
+def cloud() -> None:
+    """Keep `history` a command of its own."""
+
+
+@app.command()
+def history(
+    about: Annotated[str, typer.Argument(help="radio, radio_events, radio_sums or events.")],
+    *,
+    line: Annotated[str, typer.Option(help="Line.")] = "demo",
+    at: Annotated[str, typer.Option("--cloud", help="Name of the cloud.")] = "C1",
+    shard: Annotated[str, typer.Option(help="Analyzer of the line.")] = "all",
+    since: Annotated[str | None, typer.Option("--from", help="ISO 8601 with zone.")] = None,
+    until: Annotated[str | None, typer.Option(help="ISO 8601 with zone.")] = None,
+    from_m: Annotated[float | None, typer.Option("--from-chainage", help="Kilometrage [m].")] = None,
+    until_m: Annotated[float | None, typer.Option("--until-chainage", help="Kilometrage [m].")] = None,
+    radio: Annotated[str, typer.Option(help="One radio alone.")] = "",
+    channel: Annotated[str, typer.Option(help="One channel alone.")] = "",
+    train: Annotated[str, typer.Option(help="One train alone.")] = "",
+    kind: Annotated[str, typer.Option(help="Of events.")] = "",
+    most: Annotated[int, typer.Option("--most", min=1, help="Rows at most.")] = 1000,
+    out: Annotated[Path | None, typer.Option("--out", help="CSV or Parquet file; printed when left out.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a row.")] = False,
+    connect: Annotated[str, typer.Option(help="Router of the cloud.")] = ROUTER,
+) -> None:
+    """Ask a cloud's history, page by page.
+
+    Example: kirotei cloud history radio --from 2026-11-01T00:00Z --radio R3 --most 100000 --out r3.parquet
+    """
+    from schemas.bridge import StoreQuestion
+    from schemas.topic import Place
+    from services.cloud_analyzer.history_command import run_history
+    from services.runtime.told_command import UsageError, told
+
+    with told("cloud history"):
+        if about not in ("radio", "radio_events", "radio_sums", "events"):
+            msg = f"{about!r} is none of radio, radio_events, radio_sums, events"
+            raise UsageError(msg)
+        if out is not None and out.suffix not in (".csv", ".parquet"):
+            msg = f"{out}: write .csv or .parquet"
+            raise UsageError(msg)
+        question = StoreQuestion(
+            t_ns=0,
+            about=about,  # type: ignore[arg-type]  # one of them
+            from_ns=_time_of(since),
+            until_ns=_time_of(until),
+            from_chainage_m=from_m,
+            until_chainage_m=until_m,
+            radio=radio,
+            channel=channel,
+            train=train,
+            kind=kind,
+            limit=min(most, 5000),
+        )
+        place = Place(line, "cloud", at)
+    run_history(question, place, shard, connect, most=most, out=out, as_json=as_json)
+
+
+def _time_of(text: str | None) -> int | None:
+    from services.runtime.told_command import UsageError
+
+    if text is None:
+        return None
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        msg = f"{text!r} is no time: write 2026-11-01T08:30+09:00"
+        raise UsageError(msg) from error
+    if moment.tzinfo is None:
+        msg = f"{text!r} has no zone: write 2026-11-01T08:30+09:00 or end it with Z"
+        raise UsageError(msg)
+    return round(moment.astimezone(UTC).timestamp() * 1e9)
