@@ -12,6 +12,8 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from services.simulator.radio_passes_file import RadioWritten
+    from services.simulator.radio_scenario import RadioScenario
     from services.simulator.scenario import Scenario
     from services.simulator.simulation_file import Written
     from services.simulator.train_scenario import TrainScenario
@@ -35,7 +37,8 @@ def simulate(
     """Simulate a train: a motion log with truth, the line, a receiver's RINEX files; or live on the bus.
 
     Scenarios that come with Kirotei: demo_line, street_canyon, slips_16permille, slips_33permille,
-    curves_only, wet_leaves, bad_sensors. Examples: kirotei simulate demo_line --out run1;
+    curves_only, wet_leaves, bad_sensors; of radio alone, over days: radio_table2, radio_passes, radio_faults,
+    radio_lapse. Examples: kirotei simulate demo_line --out run1;
     kirotei simulate demo_line --live --fleet 3
     """
     from services.simulator.scenario import ScenarioError
@@ -70,10 +73,16 @@ def simulate(
 
 
 def _write(
-    settings: Scenario | TrainScenario, out: Path, seed: int | None, duration: float | None, console: Console
-) -> Written | TrainWritten:
+    settings: Scenario | TrainScenario | RadioScenario,
+    out: Path,
+    seed: int | None,
+    duration: float | None,
+    console: Console,
+) -> Written | TrainWritten | RadioWritten:
     from rich.progress import Progress
 
+    from services.simulator.radio_passes_file import write_radio_passes
+    from services.simulator.radio_scenario import RadioScenario
     from services.simulator.simulation_file import write_simulation
     from services.simulator.train_scenario import TrainScenario
     from services.simulator.train_simulation_file import write_train_simulation
@@ -84,14 +93,20 @@ def _write(
         def progress(done: float) -> None:
             bar.update(task, completed=done)
 
+        if isinstance(settings, RadioScenario):
+            return write_radio_passes(settings, out, seed=seed, progress=progress)
         if isinstance(settings, TrainScenario):
             return write_train_simulation(settings, out, seed=seed, duration_s=duration, progress=progress)
         return write_simulation(settings, out, seed=seed, duration_s=duration, progress=progress)
 
 
-def _summary(written: Written | TrainWritten) -> str:
+def _summary(written: Written | TrainWritten | RadioWritten) -> str:
+    from services.simulator.radio_passes_file import RadioWritten
     from services.simulator.simulation_file import Written
 
+    if isinstance(written, RadioWritten):
+        files = ", ".join(written.files)
+        return f"{written.folder}: {written.passes} passes, {written.rows} measurements\nfiles: {files}"
     if not isinstance(written, Written):
         return (
             f"{written.folder}: {written.duration_s:.0f} s, {written.distance_m / 1000.0:.2f} km, "
@@ -114,11 +129,17 @@ def fault(
     magnitude: Annotated[float | None, typer.Option(help="How much; a usual amount when left out.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.1, help="How long; until switched off when left out.")] = None,
     off: Annotated[bool, typer.Option("--off", help="Switch it off.")] = False,
+    stretch: Annotated[
+        str | None, typer.Option("--at", help="Radio: axis_m of a stretch, 4000:4500, or of a place, 4000.")
+    ] = None,
+    radio: Annotated[str, typer.Option(help="Radio: the wayside radio; all when left out.")] = "",
+    channel: Annotated[str, typer.Option(help="Radio: the channel; all when left out.")] = "",
     connect: Annotated[str, typer.Option(help="Router.")] = ROUTER,
 ) -> None:
     """Switch a fault of a simulated train on or off while it runs.
 
-    Kinds and their magnitudes: docs/simulator.md. Example: kirotei fault slide --seconds 6 --magnitude 4
+    Kinds and their magnitudes: docs/simulator.md. Examples: kirotei fault slide --seconds 6 --magnitude 4;
+    kirotei fault radio_obstruction --at 2000:2500
     """
     from typing import get_args
 
@@ -133,16 +154,35 @@ def fault(
         _refuse("fault", f"no fault {kind!r}{suggestion(kind, kinds)}; there are: {', '.join(kinds)}", 2)
     if off and (magnitude is not None or seconds is not None):
         _refuse("fault", "--magnitude and --seconds go with switching on", 2)
+    if not kind.startswith("radio_") and (stretch is not None or radio or channel):
+        _refuse("fault", "--at, --radio and --channel go with the faults of radios", 2)
     try:
         place = Place(line, "train", train)
-    except TopicError as error:
+        start_m, end_m = _stretch(stretch)
+    except (TopicError, ValueError) as error:
         _refuse("fault", str(error), 2)
     fields = {"t_ns": 0, "kind": kind, "active": not off, "magnitude": magnitude, "duration_s": seconds}
+    fields |= {"start_axis_m": start_m, "end_axis_m": end_m, "radio": radio, "channel": channel}
     message = msgspec.convert(fields, SimulatorFault)
 
     from services.simulator.fault_command import run_fault
 
     run_fault(message, place, connect)
+
+
+def _stretch(text: str | None) -> tuple[float | None, float | None]:
+    """Both ends of a stretch; ValueError for what is none."""
+    if text is None:
+        return None, None
+    start, _, end = text.partition(":")
+    try:
+        start_m, end_m = float(start), float(end or start)
+    except ValueError:
+        start_m, end_m = 1.0, 0.0
+    if not 0.0 <= start_m <= end_m < float("inf"):
+        msg = f"--at {text}: give a place or a stretch in metres, 4000 or 4000:4500"
+        raise ValueError(msg)
+    return start_m, end_m
 
 
 def _refuse(command: str, text: str, code: int) -> NoReturn:

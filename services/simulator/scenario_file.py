@@ -8,7 +8,10 @@ from pathlib import Path
 
 from schemas.line import Line
 from services.line.alignment import Alignment, alignment_of
+from services.line.chainage import Chainage
 from services.line.line_file import load_line
+from services.simulator.radio_scenario import RadioScenario, is_radio_scenario, radio_scenario_from_toml
+from services.simulator.radio_world import RadioLine
 from services.simulator.scenario import Scenario, ScenarioError, scenario_from_toml
 from services.simulator.train_scenario import TrainScenario, is_train_scenario, train_scenario_from_toml
 
@@ -32,15 +35,16 @@ def embedded_scenarios() -> tuple[str, ...]:
 
 
 def read_scenario(name_or_path: str) -> Scenario:
-    """Scenario of a receiver alone; see `read_any_scenario`. Raises ScenarioError, also for a scenario of a train."""
+    """Scenario of a receiver alone; see `read_any_scenario`. Raises ScenarioError, also for any other kind."""
     found = read_any_scenario(name_or_path)
-    if isinstance(found, TrainScenario):
-        msg = f"{name_or_path}: the scenario of a whole train, not of a receiver alone"
+    if not isinstance(found, Scenario):
+        what = "a whole train" if isinstance(found, TrainScenario) else "radio passes"
+        msg = f"{name_or_path}: the scenario of {what}, not of a receiver alone"
         raise ScenarioError(msg)
     return found
 
 
-def read_any_scenario(name_or_path: str) -> Scenario | TrainScenario:
+def read_any_scenario(name_or_path: str) -> Scenario | TrainScenario | RadioScenario:
     """Scenario by an embedded one's name, or from a TOML file (whatever has a slash or ends in .toml).
 
     Raises ScenarioError that names the file, and the field that is wrong.
@@ -56,6 +60,8 @@ def read_any_scenario(name_or_path: str) -> Scenario | TrainScenario:
             msg = f"{len(octets)} bytes, more than {LARGEST_BYTES}"
             raise ScenarioError(msg)
         text = octets.decode("utf-8")
+        if is_radio_scenario(text):
+            return radio_scenario_from_toml(text)
         return train_scenario_from_toml(text) if is_train_scenario(text) else scenario_from_toml(text)
     except OSError as error:
         msg = f"{name_or_path}: cannot read: {error.strerror}"
@@ -67,15 +73,39 @@ def read_any_scenario(name_or_path: str) -> Scenario | TrainScenario:
 
 def alignment_for(scenario: TrainScenario) -> LoadedRoute | None:
     """Line and route of a train's scenario; None on a track drawn at random. Raises ScenarioError."""
-    if scenario.line is None:
-        return None
+    return None if scenario.line is None else _load(scenario.line, scenario.journey.branch)
+
+
+def radio_line_for(scenario: RadioScenario) -> tuple[RadioLine, Chainage | None]:
+    """Radios of a scenario of passes, and the kilometrage where its line has one. Raises ScenarioError."""
+    if scenario.straight is not None:
+        return scenario.straight.line(), None
+    loaded = _load(str(scenario.line), "")
+    return radio_line_of(loaded), loaded.alignment.chainage
+
+
+def train_radio_line(scenario: TrainScenario, loaded: LoadedRoute | None) -> RadioLine | None:
+    """Radios along a train's route; None for a train without a radio. Raises ScenarioError."""
+    return radio_line_of(loaded) if scenario.radio is not None and loaded is not None else None
+
+
+def radio_line_of(loaded: LoadedRoute) -> RadioLine:
+    """Radios along a route. Raises ScenarioError when it has none."""
+    alignment = loaded.alignment
+    if not loaded.line.radio_sites:
+        msg = f"line {loaded.line.id}: no radio_sites"
+        raise ScenarioError(msg)
+    return RadioLine(alignment.length_m, loaded.line.radio_sites, alignment.surroundings_along)
+
+
+def _load(name: str, branch: str) -> LoadedRoute:
     try:
-        line = load_line(Path(scenario.line)).line
-        return LoadedRoute(line, alignment_of(line, scenario.journey.branch))
+        line = load_line(Path(name)).line
+        return LoadedRoute(line, alignment_of(line, branch))
     except OSError as error:
-        msg = f"{scenario.line}: cannot read: {error.strerror}"
+        msg = f"{name}: cannot read: {error.strerror}"
         raise ScenarioError(msg) from error
     except (ValueError, KeyError) as error:
         words = error.args[0] if isinstance(error, KeyError) else error
-        msg = f"line {scenario.line}: {words}"
+        msg = f"line {name}: {words}"
         raise ScenarioError(msg) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Annotated, Final
 
 import msgspec
@@ -19,19 +20,24 @@ from schemas.topics import (
     GNSS_IONOSPHERE,
     IMU,
     MOTION_TRUTH,
+    RADIO_READING,
     SIMULATOR_FAULT,
     TACHO,
     TRACK_CONFIRMATION,
     TRACK_SAMPLES,
     TRAIN_CHANGE,
     TRAIN_TRUTH,
+    WEATHER,
 )
 from schemas.track_circuit import ClearConfirmation
 from services.runtime.node import Node, Service
 from services.simulator.constellation import reference_time
+from services.simulator.fault_board import FaultBoard
 from services.simulator.radio_faults import Befalls
+from services.simulator.radio_lapse_file import RadioLapse
+from services.simulator.radio_scenario import RadioScenario
 from services.simulator.scenario import Scenario
-from services.simulator.scenario_file import alignment_for, read_any_scenario
+from services.simulator.scenario_file import alignment_for, read_any_scenario, train_radio_line
 from services.simulator.simulation import Simulation, utc_ns
 from services.simulator.track_circuit_scene import SimulatedCircuit
 from services.simulator.track_circuit_settings import TrackCircuitSettings
@@ -45,6 +51,7 @@ CONFIRMED_S: Final = 3.0
 """A simulated circuit is said to be clear so long after its scene began, and again and again …"""
 CONFIRMED_UNTIL_S: Final = 60.0
 """… until then, or until something changes in it: whoever hears it may still be compiling its kernels."""
+IDLE_S: Final = 3600.0
 DeviceName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")]
 
 
@@ -61,6 +68,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """The measured axle's."""
     balise_device: DeviceName = "reader"
     """The balise reader's."""
+    radio_device: DeviceName = "radio"
+    """The radio device's."""
     speed: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
     """Simulated seconds per second. Other than 1 the epochs' times move away from now."""
     seed: Annotated[int, Meta(ge=0)] | None = None
@@ -80,6 +89,8 @@ async def run(node: Node, config: Config) -> None:
     seed = scenario.seed if config.seed is None else config.seed
     if isinstance(scenario, TrainScenario):
         await _run_train(node, config, scenario, seed)
+    elif isinstance(scenario, RadioScenario):
+        await _run_passes(node, config, scenario, seed)
     else:
         await _run_receiver(node, config, scenario, seed)
 
@@ -147,9 +158,10 @@ async def _run_receiver(node: Node, config: Config, scenario: Scenario, seed: in
 async def _run_train(node: Node, config: Config, scenario: TrainScenario, seed: int) -> None:
     loaded = await node.in_thread(lambda: alignment_for(scenario))
     alignment = loaded.alignment if loaded else None
+    radio_line = train_radio_line(scenario, loaded)
 
     def begin(gps_ns: int) -> TrainSimulation:
-        return TrainSimulation(scenario, alignment, gps_ns, np.random.default_rng(seed))
+        return TrainSimulation(scenario, alignment, gps_ns, np.random.default_rng(seed), radio_line)
 
     # As above; two ticks hold every kind of step, and an epoch.
     await node.in_thread(lambda: begin(_gps_now_ns(node) // (2 * TICK_NS) * 2 * TICK_NS).warm_up())
@@ -160,9 +172,34 @@ async def _run_train(node: Node, config: Config, scenario: TrainScenario, seed: 
     await node.in_thread(lambda: simulation.skip(ahead))
     pace = _Pace(node, config.speed)
     async with asyncio.TaskGroup() as group:
-        listening = group.create_task(_listen(node, simulation))
+        listening = group.create_task(_listen(node, simulation.faults, lambda: simulation.now_s))
         node.ready()
         await _publish_ticks(node, config, simulation, pace)
+        listening.cancel()
+
+
+async def _run_passes(node: Node, config: Config, scenario: RadioScenario, seed: int) -> None:
+    """Publish pass after pass, without the time between them; the last one was yesterday."""
+    lapse = await node.in_thread(lambda: RadioLapse(scenario, seed, node.clock.now_ns()))
+    async with asyncio.TaskGroup() as group:
+        listening = group.create_task(_listen(node, lapse.faults, lambda: lapse.now_s))
+        node.ready()
+        while (taken := await node.in_thread(lapse.step)) is not None:
+            for weather in taken.weather:
+                await node.publish(WEATHER, weather)
+            start_s = node.clock.monotonic_s()
+            for reading in taken.readings(node.place.name):
+                due_s = start_s + (reading.t_ns / NS - taken.begin_s) / config.speed
+                if due_s > node.clock.monotonic_s():
+                    await node.sleep(due_s - node.clock.monotonic_s())
+                if node.stopping:
+                    break
+                await node.publish(RADIO_READING, reading, device=config.radio_device)
+            if node.stopping:
+                break
+            node.health.count("passes")
+        while await node.sleep(IDLE_S):
+            pass
         listening.cancel()
 
 
@@ -208,18 +245,22 @@ async def _publish_tick(node: Node, config: Config, tick: Tick, messages: TrainM
         await node.publish(BALISE, balise, device=config.balise_device)
     if tick.truth is not None:
         await node.publish(MOTION_TRUTH, tick.truth)
+    for reading in tick.readings:
+        await node.publish(RADIO_READING, reading, device=config.radio_device)
+    for weather in tick.weather:
+        await node.publish(WEATHER, weather)
     if tick.instant is not None:
         await node.publish(GNSS_EPOCH, tick.instant.epoch, device=config.device)
         await node.publish(TRAIN_TRUTH, tick.instant.truth, device=config.device)
 
 
-async def _listen(node: Node, simulation: TrainSimulation) -> None:
+async def _listen(node: Node, faults: FaultBoard, now_s: Callable[[], float]) -> None:
     """Switch faults as people ask for them."""
     async for fault in node.messages(SIMULATOR_FAULT):
         if fault.active:
-            simulation.faults.switch(
+            faults.switch(
                 fault.kind,
-                now_s=simulation.now_s,
+                now_s=now_s(),
                 magnitude=fault.magnitude,
                 seconds=fault.duration_s,
                 befalls=Befalls(
@@ -230,7 +271,7 @@ async def _listen(node: Node, simulation: TrainSimulation) -> None:
                 ),
             )
         else:
-            simulation.faults.clear(fault.kind)
+            faults.clear(fault.kind)
 
 
 def _gps_now_ns(node: Node) -> int:
@@ -260,6 +301,8 @@ SERVICE = Service(
         BALISE,
         TRAIN_CHANGE,
         MOTION_TRUTH,
+        RADIO_READING,
+        WEATHER,
         TRACK_SAMPLES,
         TRACK_CONFIRMATION,
     ),

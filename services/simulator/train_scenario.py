@@ -25,8 +25,10 @@ from services.simulator.motion_settings import (
     Vehicle,
 )
 from services.simulator.radio_faults import Befalls
+from services.simulator.radio_settings import RadioSettings
 from services.simulator.random_track import TrackSettings
 from services.simulator.scenario import Name, Receiver, ScenarioError, Sky, require_finite
+from services.simulator.weather_along import WeatherSettings
 
 
 class Journey(Part, frozen=True, kw_only=True):
@@ -98,6 +100,9 @@ class TrainScenario(Part, frozen=True, kw_only=True):
     """None: no receiver on board."""
     sky: Sky = Sky(systems="GE")
     receiver: Receiver = Receiver()
+    radio: RadioSettings | None = None
+    """None: no radio device on board."""
+    weather: WeatherSettings = WeatherSettings()
     balise_reader_behind_front_m: float = 0.0
     faults: tuple[TimedFault, ...] = ()
 
@@ -108,6 +113,9 @@ class TrainScenario(Part, frozen=True, kw_only=True):
             raise ValueError(msg)
         if self.track is not None and self.gnss is not None:
             msg = "a track drawn at random lies nowhere on Earth: no [gnss] with [track]"
+            raise ValueError(msg)
+        if self.track is not None and self.radio is not None:
+            msg = "a track drawn at random has no radios: no [radio] with [track]"
             raise ValueError(msg)
         interval = self.receiver.interval_s / 0.1
         if abs(interval - round(interval)) > 1e-9:  # noqa: PLR2004 - rounding alone

@@ -12,16 +12,20 @@ from numpy.typing import NDArray
 
 from schemas.gnss_time import NS
 from schemas.position import BalisePassage, FaultKind, MotionTruth, TrainChange
+from schemas.radio import RadioMeasurement, Weather
 from services.line.alignment import Alignment
 from services.simulator.fault_board import FaultBoard, command_of
 from services.simulator.line_receiver import LineReceiver
 from services.simulator.motion_simulator import MotionSamples, MotionSimulator
 from services.simulator.motion_state import STEP_S
+from services.simulator.radio_live import TrainRadio
+from services.simulator.radio_world import RadioLine, RadioWorld
 from services.simulator.random_track import TrackSettings, random_track
 from services.simulator.simulation import Instant, utc_ns
 from services.simulator.train_route import TrainRoute, route_of
 from services.simulator.train_scenario import TrainScenario
 from services.simulator.train_sensors import BLOCK, SensorBlock, TrainSensors
+from services.simulator.weather_along import WeatherAlong
 
 Floats = NDArray[np.float64]
 
@@ -47,15 +51,24 @@ class Tick:
     balises: tuple[BalisePassage, ...]
     changes: tuple[TrainChange, ...]
     faults: dict[FaultKind, float] = field(default_factory=dict)
+    readings: tuple[RadioMeasurement, ...] = ()
+    """Of the radio device, at the end of its measuring periods."""
+    weather: tuple[Weather, ...] = ()
+    """Along the line, once a minute, where the train has a radio."""
 
 
 class TrainSimulation:
     """An endless sequence of ticks."""
 
     def __init__(
-        self, scenario: TrainScenario, alignment: Alignment | None, start_gps_ns: int, generator: np.random.Generator
+        self,
+        scenario: TrainScenario,
+        alignment: Alignment | None,
+        start_gps_ns: int,
+        generator: np.random.Generator,
+        radio_line: RadioLine | None = None,
     ) -> None:
-        """Put the train at its start. `alignment` is that of the scenario's line and branch.
+        """Put the train at its start. `alignment` is that of the scenario's line and branch, `radio_line` its radios.
 
         Raises RouteError for a journey that the line does not allow.
         """
@@ -79,6 +92,10 @@ class TrainSimulation:
         self.receiver: LineReceiver | None = None
         if scenario.gnss is not None and alignment is not None:
             self.receiver = LineReceiver(scenario, scenario.gnss, alignment, seeds[3])
+        self.radio: TrainRadio | None = None
+        if scenario.radio is not None and radio_line is not None:
+            world = RadioWorld(radio_line, scenario.radio, WeatherAlong(scenario.weather))
+            self.radio = TrainRadio(world, utc_ns(start_gps_ns))
         self._start_ns, self._ticks = start_gps_ns, 0
         self._interval_ns = round(scenario.receiver.interval_s * NS)
         self._reader_m: float | None = None
@@ -115,6 +132,8 @@ class TrainSimulation:
         instant: Instant | None = None
         balises: tuple[BalisePassage, ...] = ()
         changes: tuple[TrainChange, ...] = ()
+        readings: tuple[RadioMeasurement, ...] = ()
+        weather: tuple[Weather, ...] = ()
         if self.route is not None:
             truth = self._truth(gps_ns, samples)
             changes = self._changes(gps_ns, samples)
@@ -127,7 +146,12 @@ class TrainSimulation:
                     rises=self.route.rises(self._trip),
                     received="gnss_lost" not in faults,
                 )
-        return Tick(gps_ns, sensors, samples, truth, instant, balises, changes, faults)
+            if measured and self.radio is not None:
+                befallen = self.faults.radio()
+                rises = self.route.rises(self._trip)
+                readings = self.radio.readings(truth, self._trip, befallen, rises=rises)
+                weather = self.radio.weather(truth.t_ns, befallen)
+        return Tick(gps_ns, sensors, samples, truth, instant, balises, changes, faults, readings, weather)
 
     def _truth(self, gps_ns: int, samples: MotionSamples) -> MotionTruth:
         route = self.route

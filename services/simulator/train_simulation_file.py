@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from schemas.gnss_time import NS, WEEK_S
 from services.odometry_fusion.motion_log_writing_file import write_about, write_imu, write_table
-from services.simulator.scenario_file import LoadedRoute, alignment_for
+from services.simulator.radio_run_file import write_run
+from services.simulator.scenario_file import LoadedRoute, alignment_for, train_radio_line
 from services.simulator.simulation_file import (
     CENTRELINE_STEP_M,
     PLACE,
@@ -77,7 +78,9 @@ def write_train_simulation(
     start_ns = scenario.start_gps_week * WEEK_S * NS + round(scenario.start_tow_s * NS)
     loaded = alignment_for(scenario)
     generator = np.random.default_rng(scenario.seed if seed is None else seed)
-    simulation = TrainSimulation(scenario, loaded.alignment if loaded else None, start_ns, generator)
+    simulation = TrainSimulation(
+        scenario, loaded.alignment if loaded else None, start_ns, generator, train_radio_line(scenario, loaded)
+    )
     gathered = _run(simulation, wanted_s, progress)
     folder.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=folder, prefix=".simulate-") as name:
@@ -87,6 +90,8 @@ def write_train_simulation(
             _write_line(beside, simulation, loaded, gathered)
         if simulation.receiver is not None and loaded is not None:
             _write_receiver(beside, simulation, loaded, gathered, start_ns)
+        if simulation.radio is not None and simulation.route is not None:
+            write_run(beside / "passes.csv", gathered.ticks, simulation.route)
         files = tuple(sorted(path.name for path in beside.iterdir()))
         for file in files:
             (beside / file).replace(folder / file)
