@@ -6,7 +6,7 @@ A batch is one zstd frame (RFC 8878) with checksum and content size, of a msgpac
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 import zstandard
@@ -17,7 +17,8 @@ LEVEL = 1
 """Of zstd: shrinks measurements to about a third at several hundred megabytes a second."""
 MOST_PLAIN_BYTES = 8 * 1024 * 1024
 """Larger batches are neither made nor unpacked."""
-MOST_RECORDS = 65_536
+CHUNK_RECORDS = 4096
+CHUNK_BYTES = 512 * 1024
 
 _ENCODER = msgspec.msgpack.Encoder()
 _RECORDS = msgspec.msgpack.Decoder(list[BridgedRecord])
@@ -60,6 +61,20 @@ def pieces(compressed: bytes, count: int) -> list[msgspec.Raw]:
 def heard_ns(piece: msgspec.Raw) -> int:
     """When a record still encoded was heard."""
     return msgspec.msgpack.decode(piece, type=BridgedRecord).heard_ns
+
+
+def chunks(records: Iterable[BridgedRecord]) -> Iterator[list[BridgedRecord]]:
+    """Records in groups that make batches of good size."""
+    chunk: list[BridgedRecord] = []
+    size = 0
+    for record in records:
+        chunk.append(record)
+        size += len(record.payload)
+        if len(chunk) >= CHUNK_RECORDS or size >= CHUNK_BYTES:
+            yield chunk
+            chunk, size = [], 0
+    if chunk:
+        yield chunk
 
 
 def _plain(compressed: bytes) -> bytes:
