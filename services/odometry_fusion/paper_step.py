@@ -53,6 +53,8 @@ SLIP_M = 20.0
 """what a slip costs at worst in nine of ten cases."""
 USUAL_SLIP_S = 12.0
 """Nine of ten slips are over by then (Iwata et al., section 3.1.4: 10 s; and the windows' delay)."""
+LEFT_SHARE = 0.75
+"""What ended corrections have left adds up in the bound, and cancels out in part in the error."""
 LATEST_JERK_MPS3 = 1.0
 """By so much the acceleration may change while the sensor's latency passes."""
 
@@ -286,7 +288,7 @@ def _limit(rule: Record, own: Record, proven: bool) -> None:  # noqa: FBT001 - a
     """Not above what ETCS allows while the status is valid, which it is not once slips may have cost more than that."""
     if own.status == VALID and proven:
         most_m = rule.cap_m + rule.cap_share * abs(own.distance_m)
-        if own.excess_m + own.provisional_m > most_m:
+        if own.provisional_m + LEFT_SHARE * own.excess_m > most_m:
             own.status, own.reason = DEGRADED, TOO_MUCH
         else:
             own.bound_m = min(own.bound_m, most_m)

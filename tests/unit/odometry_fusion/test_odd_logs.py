@@ -126,7 +126,7 @@ def grid_of(t_s: Floats, way_m: Floats) -> Floats:
 
 
 def test_even_stamps_and_true_uneven_ones_stay_as_they_are() -> None:
-    even_s = 0.1 * np.arange(1, 600)
+    even_s: Floats = 0.1 * np.arange(1.0, 600.0)
     assert np.array_equal(grid_of(even_s, 20.0 * even_s), even_s.round(9))
     uneven_s = np.sort(even_s + np.random.default_rng(1).normal(0.0, 0.008, len(even_s)))
     # The way is that of the stamps: they tell the truth.
@@ -135,7 +135,7 @@ def test_even_stamps_and_true_uneven_ones_stay_as_they_are() -> None:
 
 def test_the_grid_takes_jitter_off_and_survives_missing_and_outlying_counts() -> None:
     rng = np.random.default_rng(2)
-    true_s = np.delete(0.1 * np.arange(1, 2000), [700, 701, 702, 1100])
+    true_s: Floats = np.delete(0.1 * np.arange(1.0, 2000.0), [700, 701, 702, 1100]).astype(np.float64)
     stamped_s = true_s + rng.normal(0.0, 0.008, len(true_s))
     stamped_s[1500] += 0.06
     found_s = grid_of(stamped_s, 20.0 * true_s)
