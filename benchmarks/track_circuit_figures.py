@@ -87,7 +87,9 @@ def _rates(
     dot: str = "",
 ) -> None:
     shown = np.maximum(rates, 1e-12)
-    axes.semilogy(x_db, shown, dot, linestyle=style, color=color, linewidth=1.2, markersize=4, label=words)
+    axes.semilogy(
+        x_db, shown, marker=dot or None, linestyle=style, color=color, linewidth=1.2, markersize=4, label=words
+    )
 
 
 def _one_tap_rate(scene: Scene) -> float:
@@ -169,7 +171,7 @@ def convergence() -> Figure:
         bits = list(one.error_rates)
         errors_db = 10.0 * np.log10(list(one.square_errors.values()))
         for axes, values in ((rate, list(one.error_rates.values())), (square, errors_db)):
-            axes.plot(bits, values, "o", linestyle=style, markersize=3, color=color, label=one.receiver)
+            axes.plot(bits, values, marker="o", linestyle=style, markersize=3, color=color, label=one.receiver)
     rate.set_yscale("log")
     rate.axhline(1.6e-4, color=THEORY, linewidth=0.8, linestyle=(0, (4, 3)), label="1.6e-4")
     rate.axhline(bound(10.0), color=THEORY, linewidth=0.8, linestyle=":", label="matched-filter bound")
@@ -199,12 +201,12 @@ def _recording(settings: TrackCircuitSettings, seconds: float) -> Recording:
 
 
 def reception() -> Figure:
-    """What `kirotei track-circuit demodulate --plot` draws, of a circuit that gets wet within 20 s."""
+    """What `kirotei track-circuit demodulate --plot` draws, of a circuit that gets wet within 16 s."""
     settings = TrackCircuitSettings(
         noise=TractionSettings(white_rms=0.03),
-        ballast=(BallastPoint(t_s=0.0, s_per_km=0.02), BallastPoint(t_s=20.0, s_per_km=0.5)),
+        ballast=(BallastPoint(t_s=0.0, s_per_km=0.02), BallastPoint(t_s=16.0, s_per_km=0.5)),
     )
-    read = _recording(settings, 24.0)
+    read = _recording(settings, 18.0)
     received = receive_recording(read, settings.profile, circuit="TC1", circuit_id=1)
     return draw_reception(received, read, settings.profile)
 

@@ -36,7 +36,7 @@ STATES: Final = {
     "no_signal": "#9a9a9a",
 }
 DOTS_PER_INCH: Final = 110
-MOST_POINTS: Final = 4000
+MOST_POINTS: Final = 1500
 GRID: Final = "#e4e4e4"
 SPECTRUM_HZ: Final = 60.0
 
@@ -203,7 +203,7 @@ def save_picture(path: Path, figure: Figure) -> None:
     """Write a figure whole or not at all. Raises ValueError, OSError."""
     kind = checked_picture(path)
     part = path.with_name(f".{path.name}.part")
-    with mpl.rc_context({"svg.hashsalt": "kirotei", "font.family": "DejaVu Sans"}):
+    with mpl.rc_context({"svg.hashsalt": "kirotei", "svg.fonttype": "none", "font.family": "DejaVu Sans"}):
         FigureCanvasAgg(figure)
         try:
             figure.savefig(part, format=kind, metadata={"Date": None} if kind == "svg" else {"Software": None})
