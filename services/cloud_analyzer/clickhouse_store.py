@@ -16,18 +16,16 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from schemas.bridge import BridgedRecord, StoreAnswer, StoreQuestion
-from schemas.radio import BinSums
 from services.cloud_analyzer.clickhouse_socket import UNREACHABLE_CODES, ClickHouseError, Node, UnreachableError
-from services.cloud_analyzer.duckdb_store import DAY_NS, DuckDbStore, day_of
-from services.cloud_analyzer.history import Commit, Learned, StoreError
-from services.cloud_analyzer.history_sql import learning_sql, literals, page_after, sql_of
+from services.cloud_analyzer.duckdb_store import DuckDbStore, day_of
+from services.cloud_analyzer.history import DAY_NS, SECTION_M, Commit, Learned, SectionSums, StoreError, days_of
+from services.cloud_analyzer.history_sql import learning_sql, literals, merging_sql, page_after, sql_of
 from services.cloud_analyzer.sums_page import sums_answer
 from services.cloud_analyzer.tables import RADIO, TABLES, Kind, Rows, Table
 from services.lte_bridge.deduplication import StateRow
 
 T = TypeVar("T")
 _TYPES: Final[dict[Kind, str]] = {"bigint": "Int64", "double": "Nullable(Float64)", "varchar": "String"}
-DAY_SQL: Final = "toString(toDate(toDateTime(intDiv(taken_ns, 1000000000), 'UTC')))"
 
 
 class ClickHouseStore:
@@ -113,7 +111,7 @@ class ClickHouseStore:
     def ask(self, question: StoreQuestion, timeout_s: float) -> StoreAnswer:
         """A page, partial when shards are away; see `Store.ask`."""
         if question.about == "radio_sums":
-            return sums_answer(question, self.learn(100.0, question.from_ns, question.until_ns))
+            return sums_answer(question, self.learn(*days_of(question), by_day=True))
         asked = sql_of(question, "relation")
         sql = literals(asked.sql.replace("FROM relation", f"FROM {self._name(asked.table)} FINAL", 1), asked.parameters)
         found, partial = self._read(sql, timeout_s)
@@ -129,21 +127,16 @@ class ClickHouseStore:
             partial=partial,
         )
 
-    def learn(self, section_m: float, from_ns: int | None = None, until_ns: int | None = None) -> Learned:
-        """Sums by day and section, partial when shards are away; see `Store.learn`."""
-        conditions = [f"taken_ns {sign} {bound}" for sign, bound in ((">=", from_ns), ("<", until_ns)) if bound]
+    def learn(self, first_day: int | None = None, last_day: int | None = None, *, by_day: bool = False) -> Learned:
+        """Sums from every row, partial when shards are away; see `Store.learn`."""
+        bounds = ((">=", first_day), ("<", None if last_day is None else last_day + 1))
+        conditions = [f"taken_ns {sign} {day * DAY_NS}" for sign, day in bounds if day is not None]
         relation = f"{self._name(RADIO)} FINAL"
         if conditions:
             relation = f"(SELECT * FROM {relation} WHERE {' AND '.join(conditions)})"  # noqa: S608 - numbers of our own
-        sql = learning_sql(relation, section_m, day=DAY_SQL, floor="toInt64(floor({x}))")
-        rows, partial = self._read(f"{sql} ORDER BY day, radio, channel, direction, section", 600.0)
-        sums = tuple(
-            BinSums(
-                day=day, radio=radio, channel=channel, direction=direction, section=section, n=n, sum=s, sum_squares=q
-            )
-            for day, radio, channel, direction, section, n, s, q in rows
-        )
-        return Learned(sums, partial)
+        passes = learning_sql(relation, SECTION_M, whole="toInt64(floor({x}))")
+        rows, partial = self._read(merging_sql(f"({passes})", by_day=by_day), 600.0)
+        return Learned(tuple(map(SectionSums._make, rows)), partial)
 
     def _read(self, sql: str, timeout_s: float) -> tuple[list[list[Any]], str]:
         """Rows, and what is missing when shards are away: never fewer rows without a word."""

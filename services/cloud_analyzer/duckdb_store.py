@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,16 +20,24 @@ import duckdb
 import numpy as np
 
 from schemas.bridge import BridgedRecord, StoreAnswer, StoreQuestion
-from schemas.radio import BinSums
-from services.cloud_analyzer.history import Commit, Learned, StoreError, StoreTimeoutError
-from services.cloud_analyzer.history_sql import ORDER, dollars, learning_sql, page_after, sql_of
+from services.cloud_analyzer.history import (
+    DAY_NS,
+    SECTION_M,
+    Commit,
+    Learned,
+    SectionSums,
+    StoreError,
+    StoreTimeoutError,
+    days_of,
+)
+from services.cloud_analyzer.history_sql import ORDER, dollars, learning_sql, merging_sql, page_after, sql_of
 from services.cloud_analyzer.sums_page import sums_answer
-from services.cloud_analyzer.tables import TABLES, Kind, Table
+from services.cloud_analyzer.tables import RADIO, TABLES, Kind, Table
 from services.lte_bridge.batch import packed, unpacked
 from services.lte_bridge.deduplication import StateRow
 
 DATABASE: Final = "history.duckdb"
-DAY_NS: Final = 86_400_000_000_000
+_WHOLE: Final = "CAST(floor({x}) AS BIGINT)"
 DAY_SQL: Final = "strftime(make_timestamp(taken_ns // 1000), '%Y-%m-%d')"
 
 
@@ -72,6 +80,10 @@ class DuckDbStore:
             connection.execute(
                 "CREATE TABLE IF NOT EXISTS parts (path VARCHAR, table_name VARCHAR, day VARCHAR, rows BIGINT)"
             )
+            connection.execute(
+                "CREATE TABLE IF NOT EXISTS sums (day BIGINT, radio VARCHAR, channel VARCHAR, direction VARCHAR, "
+                "cell VARCHAR, section BIGINT, n BIGINT, s DOUBLE, ss DOUBLE)"
+            )
             self._number = int(_one(connection, "SELECT coalesce(max(number), 0) FROM outbox"))
         except BaseException:
             connection.close()
@@ -102,8 +114,11 @@ class DuckDbStore:
                 path.unlink()
                 continue
             rows = int(_one(self._connection, "SELECT count(*) FROM read_parquet(?)", [str(path)]))
-            entry = [name, path.parts[-3], path.parts[-2].removeprefix("day="), rows]
+            day = path.parts[-2].removeprefix("day=")
+            entry = [name, path.parts[-3], day, rows]
             self._connection.execute("INSERT INTO parts VALUES (?, ?, ?, ?)", entry)
+            if name.startswith("raw/radio/"):
+                self._keep_sums(self._connection, day)
 
     def commit(self, commit: Commit) -> int:
         """Everything of one transaction, on disk; see `Store.commit`."""
@@ -156,7 +171,7 @@ class DuckDbStore:
     def ask(self, question: StoreQuestion, timeout_s: float) -> StoreAnswer:
         """A page; see `Store.ask`. May run in another thread than the commits."""
         if question.about == "radio_sums":
-            return sums_answer(question, self.learn(100.0, question.from_ns, question.until_ns, timeout_s=timeout_s))
+            return sums_answer(question, self.learn(*days_of(question), by_day=True, timeout_s=timeout_s))
         asked = sql_of(question, "relation")
         relation, files = self._relation(asked.table, question.from_ns, question.until_ns)
         sql = dollars(asked.sql.replace("FROM relation", f"FROM {relation}", 1))
@@ -172,30 +187,25 @@ class DuckDbStore:
         )
 
     def learn(
-        self, section_m: float, from_ns: int | None = None, until_ns: int | None = None, *, timeout_s: float = 600.0
+        self,
+        first_day: int | None = None,
+        last_day: int | None = None,
+        *,
+        by_day: bool = False,
+        timeout_s: float = 600.0,
     ) -> Learned:
-        """Sums by day and section; see `Store.learn`."""
-        relation, parameters = self._relation(TABLES[0], from_ns, until_ns)
-        conditions = [f"taken_ns {sign} {bound}" for sign, bound in ((">=", from_ns), ("<", until_ns)) if bound]
-        if conditions:
-            relation = f"(SELECT * FROM {relation} WHERE {' AND '.join(conditions)})"  # noqa: S608 - numbers of our own
-        sql = learning_sql(relation, section_m, day=DAY_SQL, floor="CAST(floor({x}) AS BIGINT)")
-        rows = self._read(sql + " ORDER BY ALL", parameters, timeout_s)
-        return Learned(
-            tuple(
-                BinSums(
-                    day=day,
-                    radio=radio,
-                    channel=channel,
-                    direction=direction,
-                    section=section,
-                    n=n,
-                    sum=s,
-                    sum_squares=q,
-                )
-                for day, radio, channel, direction, section, n, s, q in rows
-            )
-        )
+        """Sums of closed days as they are kept, of open ones from their rows; see `Store.learn`."""
+        days = {"first": -(2**31) if first_day is None else first_day, "last": 2**31 if last_day is None else last_day}
+        live = learning_sql(RADIO.name, SECTION_M, whole=_WHOLE)
+        both = f"(SELECT * FROM sums UNION ALL {live})"  # noqa: S608 - names are our own
+        sql = merging_sql(f"(SELECT * FROM {both} WHERE day BETWEEN $first AND $last)", by_day=by_day)  # noqa: S608 - the same
+        return Learned(tuple(map(SectionSums._make, self._read(sql, days, timeout_s))))
+
+    def learn_from_rows(self, *, by_day: bool = False) -> Learned:
+        """The same from every row there is: to check what is kept."""
+        relation, parameters = self._relation(RADIO, None, None)
+        sql = merging_sql(f"({learning_sql(relation, SECTION_M, whole=_WHOLE)})", by_day=by_day)
+        return Learned(tuple(map(SectionSums._make, self._read(sql, parameters, 600.0))))
 
     def _relation(self, table: Table, from_ns: int | None, until_ns: int | None) -> tuple[str, dict[str, Any]]:
         """What stands behind FROM: the open days' table and the day files that may matter."""
@@ -255,9 +265,21 @@ class DuckDbStore:
                 entry = [str(path.relative_to(self._folder)), table.name, day, count]
                 connection.execute("INSERT INTO parts VALUES (?, ?, ?, ?)", entry)
                 connection.execute(f"DELETE FROM {table.name} WHERE {DAY_SQL} = ?", [day])  # noqa: S608 - names are our own
+                if table is RADIO:
+                    self._keep_sums(connection, day)
             yield f"{count} rows of {table.name} of {day} into {path.name}"
         if days:
             self._connection.execute("CHECKPOINT")
+
+    def _keep_sums(self, connection: duckdb.DuckDBPyConnection, day: str) -> None:
+        """Sums of a closed day, from all files that it has by now."""
+        found = connection.execute("SELECT path FROM parts WHERE table_name = 'radio' AND day = ?", [day]).fetchall()
+        files = [str(self._folder / path) for (path,) in found]
+        number = (date.fromisoformat(day) - date(1970, 1, 1)).days
+        connection.execute("DELETE FROM sums WHERE day = ?", [number])
+        relation = "read_parquet($files, union_by_name=true, hive_partitioning=false)"
+        sql = f"INSERT INTO sums {learning_sql(relation, SECTION_M, whole=_WHOLE)}"
+        connection.execute(sql, {"files": files})
 
     def _write_day(self, table: Table, day: str) -> Path:
         folder = self._folder / "raw" / table.name / f"day={day}"

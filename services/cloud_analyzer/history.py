@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from schemas.bridge import BridgedRecord, StoreAnswer, StoreQuestion
-from schemas.radio import BinSums
 from services.cloud_analyzer.tables import Rows
 from services.lte_bridge.deduplication import StateRow
+
+DAY_NS = 86_400_000_000_000
 
 
 class StoreError(RuntimeError):
@@ -21,6 +22,16 @@ class StoreError(RuntimeError):
 
 class StoreTimeoutError(StoreError):
     """A question took longer than it may."""
+
+
+SECTION_M = 100.0
+"""Sections over which a store keeps sums."""
+
+
+def days_of(question: StoreQuestion) -> tuple[int | None, int | None]:
+    """First and last day, counted from 1970, that a question's time touches."""
+    last = None if question.until_ns is None else (question.until_ns - 1) // DAY_NS
+    return None if question.from_ns is None else question.from_ns // DAY_NS, last
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +44,27 @@ class Commit:
     outbox: tuple[BridgedRecord, ...] = ()
 
 
+class SectionSums(NamedTuple):
+    """n, Σ and Σ² of the pass values [dBm] of a section: they merge by adding."""
+
+    day: int | None
+    """Counted from 1970; None where days are merged."""
+    radio: str
+    channel: str
+    direction: str
+    cell: str
+    section: int
+    """Its start is `section` times SECTION_M of kilometrage."""
+    n: int
+    total: float
+    squares: float
+
+
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """Sums over the samples of a day, or of several, in one section."""
+    """What a store has learned."""
 
-    sums: tuple[BinSums, ...]
+    sums: tuple[SectionSums, ...]
     partial: str = ""
     """What is missing and why."""
 
@@ -60,8 +87,8 @@ class Store(Protocol):
     def ask(self, question: StoreQuestion, timeout_s: float) -> StoreAnswer:
         """A page of rows. Raises StoreError, StoreTimeoutError, and ValueError for a page that is none."""
 
-    def learn(self, section_m: float, from_ns: int | None = None, until_ns: int | None = None) -> Learned:
-        """Sums of channel power by day, radio, channel, direction and section. Raises StoreError."""
+    def learn(self, first_day: int | None = None, last_day: int | None = None, *, by_day: bool = False) -> Learned:
+        """Sums over pass values by section; days counted from 1970, both included. Raises StoreError."""
 
     def tend(self, now_ns: int) -> str:
         """Move closed days to their files and forget what is older than it is kept; what was done, in words."""

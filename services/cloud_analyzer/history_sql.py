@@ -18,6 +18,7 @@ from services.cloud_analyzer.tables import EVENTS, RADIO, Table
 
 ORDER: Final = ("taken_ns", "key", "boot_id", "sequence")
 _PARAMETER = re.compile(r"\{(\w+):\w+\}")
+SUM_KEYS: Final = ("day", "radio", "channel", "direction", "cell", "section")
 Parameter = str | int | float
 
 
@@ -71,15 +72,31 @@ def sql_of(question: StoreQuestion, relation: str) -> Asked:
     return Asked(table, columns, sql, parameters, question.limit)
 
 
-def learning_sql(relation: str, section_m: float, *, day: str, floor: str) -> str:
-    """SQL of sums by day, radio, channel, direction and section; `day` is the engine's own expression."""
+def learning_sql(relation: str, section_m: float, *, whole: str) -> str:
+    """SQL of sums over pass values by day (counted from 1970), radio, channel, direction, cell and section.
+
+    A pass value is the mean power of a pass over a section: passes are what varies from one to the next, samples
+    within a pass hang together. `whole`: the engine's own floor to a 64-bit number, with `{x}` for what is floored.
+    """
+    day = whole.format(x="taken_ns / 86400000000000")
+    section = whole.format(x=f"chainage_m / {section_m!r}")
+    keys = ", ".join(SUM_KEYS)
+    power = "coalesce(channel_power_dbm, decoded_power_dbm)"
+    passes = (
+        f"SELECT {day} AS day, radio, channel, direction, cell, {section} AS section, pass_id, avg({power}) AS v "  # noqa: S608 - names are our own
+        f"FROM {relation} WHERE chainage_m IS NOT NULL AND {power} IS NOT NULL AND clock = '' "
+        f"GROUP BY {keys}, pass_id"
+    )
+    return f"SELECT {keys}, count(*) AS n, sum(v) AS s, sum(v * v) AS ss FROM ({passes}) AS p GROUP BY {keys}"  # noqa: S608 - the same
+
+
+def merging_sql(relation: str, *, by_day: bool) -> str:
+    """SQL that adds sums up, over days or day by day."""
+    keys = ", ".join(SUM_KEYS[0 if by_day else 1 :])
+    day = "" if by_day else "NULL AS day, "
     return (
-        f"SELECT {day} AS day, radio, channel, direction, "  # noqa: S608 - names are our own
-        f"{floor.format(x=f'chainage_m / {section_m!r}')} AS section, "
-        "count(*) AS n, sum(channel_power_dbm) AS s, sum(channel_power_dbm * channel_power_dbm) AS ss "
-        f"FROM {relation} "
-        "WHERE chainage_m IS NOT NULL AND channel_power_dbm IS NOT NULL AND clock = '' "
-        "GROUP BY day, radio, channel, direction, section"
+        f"SELECT {day}{keys}, sum(n) AS n, sum(s) AS s, sum(ss) AS ss "  # noqa: S608 - names are our own
+        f"FROM {relation} GROUP BY {keys} ORDER BY {keys}"
     )
 
 

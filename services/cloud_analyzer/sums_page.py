@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from datetime import date, timedelta
 
 from schemas.bridge import StoreAnswer, StoreQuestion
 from services.cloud_analyzer.history import Learned
 
-COLUMNS = ("day", "radio", "channel", "direction", "section", "n", "mean_dbm", "sigma_db")
+_EPOCH = date(1970, 1, 1)
+COLUMNS = ("day", "radio", "channel", "direction", "cell", "section", "n", "mean_dbm", "sigma_db")
 
 
 def sums_answer(question: StoreQuestion, learned: Learned) -> StoreAnswer:
@@ -20,19 +22,10 @@ def sums_answer(question: StoreQuestion, learned: Learned) -> StoreAnswer:
     wanted = [
         one
         for one in learned.sums
-        if question.radio in ("", one.radio) and question.channel in ("", one.channel) and one.n > 0.0
+        if question.radio in ("", one.radio) and question.channel in ("", one.channel) and one.n > 0
     ]
     rows = tuple(
-        (
-            one.day,
-            one.radio,
-            one.channel,
-            one.direction,
-            one.section,
-            one.n,
-            one.sum / one.n,
-            _sigma(one.n, one.sum, one.sum_squares),
-        )
+        (_iso(one.day), *one[1:7], one.total / one.n, _sigma(one.n, one.total, one.squares))
         for one in wanted[first : first + question.limit]
     )
     later = first + question.limit
@@ -44,6 +37,10 @@ def sums_answer(question: StoreQuestion, learned: Learned) -> StoreAnswer:
         next_page=str(later) if later < len(wanted) else "",
         partial=learned.partial,
     )
+
+
+def _iso(day: int | None) -> str:
+    return "" if day is None else (_EPOCH + timedelta(days=day)).isoformat()
 
 
 def _sigma(n: float, total: float, squares: float) -> float | None:

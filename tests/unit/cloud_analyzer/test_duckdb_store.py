@@ -202,21 +202,32 @@ def test_a_commit_that_fails_keeps_nothing(tmp_path: Path) -> None:
         assert powers(store, StoreQuestion(t_ns=0, about="radio")) == []
 
 
-def test_learned_sums_are_those_of_the_rows_and_merge(tmp_path: Path) -> None:
+def test_learned_sums_are_those_of_pass_values_and_stay_when_days_close(tmp_path: Path) -> None:
+    step = 401  # of half seconds: 800 samples are two days, each pass of 1600 numbers four samples
     with opened(tmp_path) as (store, ingest):
-        take(store, ingest, range(3200))
-        whole = store.learn(100.0)
-        half_ns = NOW_NS + 1600 * STEP_NS
-        first, second = store.learn(100.0, until_ns=half_ns), store.learn(100.0, from_ns=half_ns)
-    powers_of = [-70.0 - n % 7 for n in range(3200)]
-    assert sum(one.n for one in whole.sums) == 3200
-    assert sum(one.sum for one in whole.sums) == pytest.approx(sum(powers_of))
-    assert sum(one.sum_squares for one in whole.sums) == pytest.approx(sum(p * p for p in powers_of))
-    # Both halves are the same pass over the line, so every bin is met again.
-    key = {(one.radio, one.section): one.n for one in whole.sums}
-    for one in (*first.sums, *second.sums):
-        key[one.radio, one.section] -= one.n
-    assert set(key.values()) == {0.0}
+        take(store, ingest, range(800), step)
+        live = store.learn(by_day=True)
+        assert store.learn_from_rows(by_day=True) == live
+        assert store.tend(NOW_NS + 3 * DAY_NS).count("rows of radio") > 1
+        assert store.learn(by_day=True) == live
+        assert sum(one.n for one in store.learn().sums) == sum(one.n for one in live.sums)
+        first_day = NOW_NS // DAY_NS
+        days = {one.day for one in store.learn(first_day, first_day, by_day=True).sums}
+        assert days == {first_day}
+    expected: dict[tuple[object, ...], list[float]] = {}
+    for n in range(0, 800 * step, step):
+        day = (NOW_NS + n * STEP_NS) // DAY_NS
+        place = int(n * 6.25 % 10_000 // 100)
+        expected.setdefault((day, f"R{n % 5}", place, n // 1600), []).append(-70.0 - n % 7)
+    bins: dict[tuple[object, ...], list[float]] = {}
+    for (*group, _), values in expected.items():
+        bins.setdefault(tuple(group), []).append(sum(values) / len(values))
+    assert len(live.sums) == len(bins)
+    for one in live.sums:
+        values = bins[one.day, one.radio, one.section]
+        assert one.n == len(values)
+        assert one.total == pytest.approx(sum(values))
+        assert one.squares == pytest.approx(sum(value * value for value in values))
 
 
 @pytest.mark.parametrize("page", ["x", "W10=", "////"])
