@@ -324,10 +324,12 @@ def _insert(connection: duckdb.DuckDBPyConnection, table: Table, rows: list[tupl
 def _column(values: tuple[Any, ...], kind: Kind) -> Any:  # noqa: ANN401 - an array of the column's type
     if kind == "bigint":
         return np.array(values, dtype=np.int64)
-    if kind == "double":
-        array = np.array([np.nan if value is None else value for value in values])
-        return np.ma.masked_array(array, mask=np.array([value is None for value in values]))
-    return np.array(values, dtype=object)
+    if kind == "varchar":
+        return np.array(values, dtype=object)
+    # None becomes NaN on the way, and both become NULL: no honest sender says NaN.
+    array = np.array(values, dtype=np.float64)
+    missing = np.isnan(array)
+    return np.ma.masked_array(array, mask=missing) if missing.any() else array
 
 
 def _one(connection: duckdb.DuckDBPyConnection, sql: str, parameters: list[Any] | None = None) -> Any:  # noqa: ANN401 - whatever stands there

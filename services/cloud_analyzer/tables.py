@@ -7,14 +7,14 @@ which the bridge heard it, else the time at which it arrived here; `clock` says 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import msgspec
 
 from schemas.bridge import BridgedRecord
-from schemas.codec import DecodeError, decode, encode_json
+from schemas.codec import decoder_of, encode_json
 from schemas.message import Message
 from schemas.radio import RadioMeasurement
 from schemas.topic import Address
@@ -136,23 +136,49 @@ def rows_of(records: Sequence[BridgedRecord], now_ns: int, allowed: frozenset[st
     row of `refused`, with the reason and what was said, so that nothing that was acknowledged is lost.
     """
     rows = Rows()
+    keys: dict[str, _Said] = {}
     for record in records:
-        address = topic_of(record.key)
-        reason = _fault(address, allowed)
+        said = keys.get(record.key)
+        if said is None:
+            said = keys[record.key] = _said(record.key, allowed)
+        reason = said.fault
         message: Message | None = None
-        if not reason and address is not None:
+        if said.decode is not None:
             try:
-                message = decode(address.topic.message, record.payload)
-            except DecodeError as error:
-                reason = str(error)
-        if message is None or address is None:
+                message = said.decode(record.payload)
+            except (msgspec.MsgspecError, ValueError, TypeError, OverflowError, RecursionError) as error:
+                reason = f"{said.message}: {error}"
+        if message is None:
             shown = record.payload[:MOST_REFUSED_BYTES].hex()
             rows.refused.append((_heard_ns(record.heard_ns, now_ns), record.key, reason, shown))
-        elif isinstance(message, RadioMeasurement):
-            rows.radio.append(_common(message, record, address, now_ns) + _measured(message))
+        elif type(message) is RadioMeasurement:
+            rows.radio.append(_common(message.t_ns, record, said, now_ns) + _measured(message))
         else:
-            rows.events.append(_common(message, record, address, now_ns) + _event(message, address))
+            rows.events.append(_common(message.t_ns, record, said, now_ns) + _event(message, said.topic))
     return rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """What is the same for everything under one key."""
+
+    fault: str
+    """Why it is not taken; empty when it may be."""
+    decode: Callable[[bytes], Message] | None = None
+    message: str = ""
+    topic: str = ""
+    line: str = ""
+    where: str = ""
+
+
+def _said(key: str, allowed: frozenset[str] | None) -> _Said:
+    address = topic_of(key)
+    fault = _fault(address, allowed)
+    if fault or address is None:
+        return _Said(fault)
+    topic, place = address.topic, address.place
+    where = f"{place.kind}/{place.name}"
+    return _Said("", decoder_of(topic.message).decode, topic.message.__name__, topic.name, place.line, where)
 
 
 def _fault(address: Address | None, allowed: frozenset[str] | None) -> str:
@@ -169,24 +195,30 @@ def _heard_ns(heard_ns: int, now_ns: int) -> int:
     return heard_ns if now_ns - LATE_NS <= heard_ns <= now_ns + HEARD_AHEAD_NS else now_ns
 
 
-def _time(t_ns: int, heard_ns: int, now_ns: int) -> tuple[int, str]:
-    """Time that the store goes by, and whose clock was not believed."""
-    believed_ns = _heard_ns(heard_ns, now_ns)
-    if believed_ns - LATE_NS <= t_ns <= believed_ns + AHEAD_NS:
-        return t_ns, "" if believed_ns == heard_ns else "bridge"
-    return believed_ns, "device" if believed_ns == heard_ns else "device and bridge"
-
-
-def _common(message: Message, record: BridgedRecord, address: Address, now_ns: int) -> tuple[Value, ...]:
+def _common(t_ns: int, record: BridgedRecord, said: _Said, now_ns: int) -> tuple[Value, ...]:
     try:
         mark = _MARKS.decode(record.attachment)
     except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
         mark = _NO_MARK
-    taken_ns, clock = _time(message.t_ns, record.heard_ns, now_ns)
-    place = address.place
-    t_ns = max(-(2**63), min(2**63 - 1, message.t_ns))
-    where = f"{place.kind}/{place.name}"
-    return (taken_ns, t_ns, clock, place.line, where, record.key, mark.source, mark.boot_id, mark.sequence)
+    heard_ns = record.heard_ns
+    believed_ns = _heard_ns(heard_ns, now_ns)
+    clock = "" if believed_ns == heard_ns else "bridge"
+    taken_ns = t_ns
+    if not believed_ns - LATE_NS <= t_ns <= believed_ns + AHEAD_NS:
+        taken_ns = believed_ns
+        clock = "device and bridge" if clock else "device"
+        t_ns = max(-(2**63), min(2**63 - 1, t_ns))
+    return (
+        taken_ns,
+        t_ns,
+        clock,
+        said.line,
+        said.where,
+        record.key,
+        mark.source,
+        mark.boot_id,
+        mark.sequence,
+    )
 
 
 def _measured(message: RadioMeasurement) -> tuple[Value, ...]:
@@ -213,12 +245,12 @@ def _measured(message: RadioMeasurement) -> tuple[Value, ...]:
     )
 
 
-def _event(message: Message, address: Address) -> tuple[Value, ...]:
+def _event(message: Message, topic: str) -> tuple[Value, ...]:
     place_m = getattr(message, "chainage_m", None)
     if place_m is None:
         place_m = getattr(message, "section_start_m", None)
     return (
-        address.topic.name,
+        topic,
         str(getattr(message, "kind", "")),
         str(getattr(message, "radio", "")),
         str(getattr(message, "channel", "")),
