@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from services.track_circuit.demodulator_choice import demodulator_for
 from services.track_circuit.profile import Profile
 from services.track_circuit.receiver import StoredTaps
-from services.track_circuit.receiver_demodulation import Demodulator
 
 SILENT_S: Final = 0.7
 """Without symbols for longer there is no signal: three bursts."""
@@ -44,7 +44,7 @@ class Following:
     def __init__(self, sample_rate_hz: float, profile: Profile, receiver: str, stored: StoredTaps | None) -> None:
         """Raises ReceiverRefusedError and ValueError where the receiver cannot work with profile and rate."""
         self._rate_hz, self._profile, self._receiver, self._stored = sample_rate_hz, profile, receiver, stored
-        self._demodulator = Demodulator(sample_rate_hz, profile, receiver, stored)
+        self._demodulator = demodulator_for(sample_rate_hz, profile, receiver, stored)
         self._origin: int | None = None
         self._next_sample = 0
         self._heard_sample = 0.0
@@ -61,7 +61,7 @@ class Following:
         if self._origin is None or first_sample != self._next_sample:
             if self._origin is not None:
                 self._losses_before = self.losses + 1
-                self._demodulator = Demodulator(self._rate_hz, self._profile, self._receiver, self._stored)
+                self._demodulator = demodulator_for(self._rate_hz, self._profile, self._receiver, self._stored)
             self._origin = first_sample
             self._heard_sample = max(self._heard_sample, float(first_sample))
         self._next_sample = first_sample + len(samples)

@@ -23,6 +23,7 @@ from services.track_circuit.circuit_interference import ToneWatch
 from services.track_circuit.circuit_messages import circuit_health, equaliser_state
 from services.track_circuit.code_table import CodeTable, table_for
 from services.track_circuit.coefficients import WORST_EVM_DB, adapted, coefficients_of, drift, taps_of
+from services.track_circuit.demodulator_choice import receiver_used
 from services.track_circuit.fsk import WINDOW_S, Coded, band_level_db, decode, strongest
 from services.track_circuit.health import HealthTrend
 from services.track_circuit.occupancy import Occupancy, Verdict
@@ -82,6 +83,7 @@ class LiveCircuit:
         self.occupancy = Occupancy(settings.occupancy, now_s)
         self.health = HealthTrend()
         self._on_board = on_board
+        self._receiver = receiver_used(settings.profile, settings.receiver)
         self._table = table_for(settings.profile, table)
         self._rate_hz: float | None = None
         self._following: Following | None = None
@@ -189,7 +191,7 @@ class LiveCircuit:
             self.health.clear_level(piece.level_db, piece.evm_db, now_s)
         if self.settings.learn and piece.evm_db < WORST_EVM_DB and (good if self._on_board else clear):
             messages += self._learn(piece, now_ns)
-        symbols_s = len(piece.bit) / self.settings.profile.symbol_rate_hz
+        symbols_s = len(piece.bit) / self.settings.profile.bit_rate_hz
         tones = self._tones.take(piece.lines_hz, symbols_s, now_s)
         if tones:
             shown = ", ".join(f"{hz:.0f}" for hz in tones)
@@ -197,8 +199,8 @@ class LiveCircuit:
         return messages
 
     def _telegram(self, frame: Frame, piece: LivePiece, block: SampleBlock) -> Telegram:
-        rate_hz, symbol_rate = block.sample_rate_hz, self.settings.profile.symbol_rate_hz
-        sample = piece.first_sample + (frame.symbol - int(piece.symbol[0])) * rate_hz / symbol_rate
+        rate_hz, bit_rate = block.sample_rate_hz, self.settings.profile.bit_rate_hz
+        sample = piece.first_sample + (frame.symbol - int(piece.symbol[0])) * rate_hz / bit_rate
         begin_ns = block.t_ns + round((sample - block.first_sample) / rate_hz * NS)
         state = "bad_crc" if self._acceptance is None else self._acceptance.judge(frame, begin_ns / NS)
         return Telegram(
@@ -212,7 +214,7 @@ class LiveCircuit:
             crc_ok=frame.crc_ok,
             evm_db=piece.evm_db,
             level_db=-200.0 if piece.level_db is None else piece.level_db,
-            receiver=self.settings.receiver,
+            receiver=self._receiver,
         )
 
     def _learn(self, piece: LivePiece, now_ns: int) -> list[CircuitMessage]:
@@ -228,7 +230,7 @@ class LiveCircuit:
         self.stored = self._trained = coefficients_of(
             self.settings.profile,
             self.settings.name,
-            self.settings.receiver,
+            self._receiver,
             piece.taps,
             trained=day,
             level_db=piece.level_db,

@@ -8,6 +8,7 @@ import numpy as np
 
 from schemas.track_circuit import CircuitHealth, EqualiserState
 from services.track_circuit.circuit_following import LivePiece
+from services.track_circuit.demodulator_choice import receiver_used
 from services.track_circuit.health import HealthTrend
 from services.track_circuit.rail import Rail, ballast_estimate
 from services.track_circuit.settings import CircuitSettings
@@ -23,7 +24,7 @@ def equaliser_state(
     return EqualiserState(
         t_ns=t_ns,
         circuit=settings.name,
-        receiver=settings.receiver,
+        receiver=receiver_used(settings.profile, settings.receiver),
         taps=none.astype(np.complex128) if piece is None else piece.taps.ravel(),
         error_db=none if piece is None else piece.error_db,
         constellation=none.astype(np.complex128) if piece is None else piece.constellation[-SHOWN_POINTS:],

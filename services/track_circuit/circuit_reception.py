@@ -9,19 +9,17 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from services.track_circuit.cdma_qam import bits_per_block, receive_cdma_qam
 from services.track_circuit.circuit_samples import CLIPPED_SHARE, FULL_SCALE, Recording, Stretch
 from services.track_circuit.code_table import CodeTable, table_for
+from services.track_circuit.demodulator_choice import demodulator_for
 from services.track_circuit.fsk import SHORTEST_S, WINDOW_S, Coded, decode, strongest
 from services.track_circuit.profile import Profile
 from services.track_circuit.receiver import Demodulation, StoredTaps
-from services.track_circuit.receiver_demodulation import Demodulator, joined
+from services.track_circuit.receiver_demodulation import joined
 from services.track_circuit.telegram import Frame, TelegramScanner
 from services.track_circuit.telegram_acceptance import Acceptance
 
 FSK_STEP_S = 1.0
-LONGEST_FRAME_S = 120.0
-"""Of CDMA-QAM, which is received frame by frame."""
 PIECE_S = 30.0
 """Samples are read in pieces of this length: memory stays bounded."""
 
@@ -123,17 +121,17 @@ class SpreadSpectrum:
             self._row(frame, symbol, times_s, found)
 
     def _periods(self, symbol: int, t_s: float) -> int:
-        """Whole periods of the pilot that passed since the last piece: symbol numbers go on over gaps."""
+        """Whole periods of the pilot, or blocks, that passed since the last piece: numbers go on over gaps."""
         if self._last is None:
             return 0
-        period = len(self._profile.pilots())
-        expected = self._last[0] + (t_s - self._last[1]) * self._profile.symbol_rate_hz
+        period = self._profile.bits_per_block if self._profile.scheme == "cdma-qam" else len(self._profile.pilots())
+        expected = self._last[0] + (t_s - self._last[1]) * self._profile.bit_rate_hz
         periods = max(0, round((expected - symbol) / period))
         return period * (periods if symbol + period * periods > self._last[0] else periods + 1)
 
     def _row(self, frame: Frame, symbol: NDArray[np.int64], times_s: NDArray[np.float64], found: Demodulation) -> None:
         at = int(np.clip(np.searchsorted(symbol, frame.symbol), 0, len(symbol) - 1))
-        begin_s = float(times_s[at]) + (frame.symbol - int(symbol[at])) / self._profile.symbol_rate_hz
+        begin_s = float(times_s[at]) + (frame.symbol - int(symbol[at])) / self._profile.bit_rate_hz
         state = "bad_crc" if self._acceptance is None else self._acceptance.judge(frame, begin_s)
         part = slice(at, at + frame.symbols)
         self._received.rows.append(
@@ -173,11 +171,8 @@ def receive_recording(
                 for begin, samples in pieces:
                     begin_s = (stretch.first_sample + begin - stretch.begin) / rate_hz
                     received.rows += list(_coded(samples, rate_hz, codes, circuit, begin_s))
-            case "cdma-qam":
-                frame = np.concatenate([samples for _, samples in pieces][: round(LONGEST_FRAME_S / PIECE_S)])
-                spread.take(_qam_frame(frame, rate_hz, profile), stretch.first_sample, rate_hz)
-            case "ss-cdma":
-                following = Demodulator(rate_hz, profile, receiver, stored)
+            case "ss-cdma" | "cdma-qam":
+                following = demodulator_for(rate_hz, profile, receiver, stored)
                 parts = [*(following.take(samples) for _, samples in pieces), following.finish()]
                 heard = [part for part in parts if len(part.bit)]
                 spread.take(joined(heard) if heard else parts[-1], stretch.first_sample, rate_hz)
@@ -201,32 +196,6 @@ def _pieces(
         yield begin, clean - clean.mean()
         if progress is not None:
             progress(min(begin + size, stretch.end) / len(recording.samples))
-
-
-def _qam_frame(samples: NDArray[np.float64], rate_hz: float, profile: Profile) -> Demodulation:
-    """The bits of a CDMA-QAM frame, numbered from its first one."""
-    found = receive_cdma_qam(samples, rate_hz, profile)
-    soft = np.empty(0) if found is None else found.soft
-    count = len(soft)
-    per_bit = rate_hz * profile.code_length / profile.chip_rate_hz / bits_per_block(profile)
-    begin = 0.0 if found is None else found.begin + profile.qam_training * rate_hz / profile.chip_rate_hz
-    level_db = 10.0 * float(np.log10(np.mean(samples**2) + 1e-20))
-    return Demodulation(
-        symbol=np.arange(count, dtype=np.int64),
-        sample=begin + per_bit * np.arange(count, dtype=np.float64),
-        bit=(soft < 0.0).astype(np.int8),
-        soft=soft,
-        level_db=np.full(count, level_db),
-        evm_db=np.full(count, 0.0 if found is None else found.evm_db),
-        carrier_offset_hz=np.zeros(count),
-        clock_offset_ppm=np.zeros(count),
-        receiver="dfe",
-        taps=np.empty(0, np.complex128) if found is None else found.taps.forward,
-        error_db=np.empty(0),
-        constellation=np.empty(0, np.complex128) if found is None else found.points,
-        sync=None,
-        refused="" if found is not None else f"no CDMA-QAM training near {profile.carrier_hz:g} Hz",
-    )
 
 
 def _coded(

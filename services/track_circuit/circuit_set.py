@@ -9,6 +9,7 @@ from schemas.track_circuit import CoefficientStore, SampleBlock, StoredCoefficie
 from services.track_circuit.circuit_choice import circuit_at
 from services.track_circuit.circuit_live import CircuitMessage, LiveCircuit
 from services.track_circuit.coefficients import choose, distance_bin, with_set
+from services.track_circuit.demodulator_choice import receiver_used
 from services.track_circuit.settings import CircuitSettings, Config
 
 
@@ -32,7 +33,8 @@ class CircuitSet:
     def _made(self, settings: CircuitSettings, now_s: float, distance_m: float | None = None) -> LiveCircuit:
         stored: StoredCoefficients | None = None
         if settings.profile.scheme != "fsk":
-            choice = choose(self.store, settings.name, settings.profile, settings.receiver, distance_m)
+            receiver = receiver_used(settings.profile, settings.receiver)
+            choice = choose(self.store, settings.name, settings.profile, receiver, distance_m)
             stored = choice.chosen
             self.notes[settings.name] = choice.reason
         return LiveCircuit(settings, self.config.code_table, on_board=self._on_board, now_s=now_s, stored=stored)

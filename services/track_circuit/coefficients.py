@@ -18,6 +18,8 @@ WORST_EVM_DB = -6.0
 FEWEST_SYMBOLS = 128
 DRIFT_LIMIT = 0.5
 """Taps that moved further from the stored ones, relative to their size, belong to another circuit or a defect."""
+GAINED = {"dfe": 16}
+"""Taps that take part in the signal's gain and phase, where not all of a receiver do: feedback taps see decisions."""
 BIN_M = 100.0
 """Length of the stretches in which the response of a circuit is taken for one and the same, on board."""
 
@@ -179,12 +181,14 @@ def drift(taps: NDArray[np.complex128], stored: StoredCoefficients) -> float | N
 
     Level and carrier phase are others every day and say nothing of the circuit. None when they cannot be compared.
     """
-    wanted = taps_of(stored).taps
-    found = np.asarray(taps, np.complex128).ravel()
-    sizes = float(np.linalg.norm(found) * np.linalg.norm(wanted))
-    if len(found) != len(wanted) or sizes <= 0.0:
+    wanted, found = taps_of(stored).taps, np.asarray(taps, np.complex128).ravel()
+    if len(found) != len(wanted):
         return None
-    likeness = abs(complex(np.vdot(found, wanted))) / sizes
+    gained = slice(GAINED.get(stored.receiver))
+    sizes = float(np.linalg.norm(found[gained]) * np.linalg.norm(wanted[gained]))
+    if not sizes > 0.0:
+        return None
+    likeness = abs(complex(np.vdot(found[gained], wanted[gained]))) / sizes
     return float(np.sqrt(max(0.0, 1.0 - min(likeness, 1.0) ** 2)))
 
 
@@ -204,8 +208,10 @@ def adapted(
     off = drift(found, trained)
     if off is None or off > DRIFT_LIMIT or not np.isfinite(found).all():
         return stored
-    gain = np.vdot(found, before) / np.vdot(found, found)
-    moved = before + STEP * (gain * found - before)
+    gained = slice(GAINED.get(stored.receiver))
+    level = found.copy()
+    level[gained] *= np.vdot(found[gained], before[gained]) / np.vdot(found[gained], found[gained])
+    moved = before + STEP * (level - before)
     distance, limit = moved - anchor, DRIFT_LIMIT * float(np.linalg.norm(anchor))
     size = float(np.linalg.norm(distance))
     if size > limit:

@@ -125,7 +125,7 @@ def _stored(
     from services.track_circuit.coefficients import choose, taps_of
     from services.track_circuit.coefficients_store import read_store
 
-    if circuit is None or profile.scheme != "ss-cdma":
+    if circuit is None or profile.scheme == "fsk":
         return None, "", None
     choice = choose(read_store(store), circuit, profile, receiver)
     if choice.chosen is None:
@@ -140,14 +140,15 @@ def _store_path(store: Path | None) -> Path:
     return store if store is not None else store_path(state_dir(os.environ))
 
 
-def _receiver(name: str | None, settings: CircuitSettings | None) -> str:
+def _receiver(name: str | None, settings: CircuitSettings | None, profile: Profile) -> str:
+    from services.track_circuit.demodulator_choice import receiver_used
     from services.track_circuit.receiver_choice import RECEIVERS
 
     chosen = name or (settings.receiver if settings is not None else RECEIVERS[0])
     if chosen not in RECEIVERS:
         msg = f"--receiver {chosen}: there are {', '.join(RECEIVERS)}"
         raise UsageError(msg)
-    return chosen
+    return receiver_used(profile, chosen)
 
 
 def _result(received: Received, recording: Recording, profile: Profile, receiver: str) -> dict[str, Any]:
@@ -239,7 +240,8 @@ def demodulate(
         settings_of = configured(config)
         settings = _settings(settings_of, config, circuit)
         read = recording_of(recording, channel, rate)
-        profile, name = _profile(read, settings), _receiver(receiver, settings)
+        profile = _profile(read, settings)
+        name = _receiver(receiver, settings, profile)
         stored, note, version = _stored(_store_path(store), circuit, profile, name)
         with progress_of(f"demodulating {recording.name}") as progress:
             received = receive_recording(
@@ -305,9 +307,10 @@ def train(
 
         settings = _settings(configured(config), config, circuit)
         read = recording_of(recording, channel, rate)
-        profile, name = _profile(read, settings), _receiver(receiver, settings)
-        if profile.scheme != "ss-cdma":
-            msg = f"{read.name}: coefficients are kept for ss-cdma, not for {profile.scheme}"
+        profile = _profile(read, settings)
+        name = _receiver(receiver, settings, profile)
+        if profile.scheme == "fsk":
+            msg = f"{read.name}: frequency-coded circuits have no equaliser to be trained"
             raise UsageError(msg)
         path = _store_path(store)
         before = read_store(path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 import numpy as np
@@ -14,6 +14,9 @@ Pulse = Literal["rectangular", "root-raised-cosine"]
 Order = Literal[4, 16, 64]
 Positive = Annotated[float, Meta(gt=0.0)]
 Row = Annotated[int, Meta(ge=1, le=4096)]
+
+QAM_CODES: Final = {4: 1, 16: 3, 64: 7}
+"""Codes on each of I and Q by the order of the constellation: their sum has as many levels as a side has points."""
 
 
 class ProfileError(ValueError):
@@ -89,6 +92,8 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True):
     """Codes of CDMA-QAM, on I and on Q alike, low sequency first; as many as the order needs are used."""
     qam_training: Annotated[int, Meta(ge=16, le=4096)] = 64
     """Known QAM symbols ahead of the data."""
+    qam_blocks: Annotated[int, Meta(ge=0, le=65_536)] = 0
+    """Blocks of data, each a code long, from one training to the next; 0: training comes once, the data go on."""
     carriers_hz: tuple[Positive, ...] = (1700.0, 2000.0, 2300.0, 2600.0)
     """Of FSK."""
     shift_hz: Positive = 11.0
@@ -113,9 +118,19 @@ class Profile(msgspec.Struct, frozen=True, kw_only=True):
             raise ProfileError(msg)
 
     @property
+    def bits_per_block(self) -> int:
+        """Bits of data that one code length carries: one of CH1, or those of all codes on I and Q."""
+        return 2 * QAM_CODES[self.qam_order] if self.scheme == "cdma-qam" else 1
+
+    @property
     def symbol_rate_hz(self) -> float:
-        """Bits of CH1 per second."""
+        """Code lengths per second: of SS-CDMA, bits of CH1."""
         return self.chip_rate_hz / self.code_length
+
+    @property
+    def bit_rate_hz(self) -> float:
+        """Bits of data per second, training not counted."""
+        return self.symbol_rate_hz * self.bits_per_block
 
     def pilots(self) -> NDArray[np.float64]:
         """One period of CH2's bits as +1 (bit 0) and -1 (bit 1)."""

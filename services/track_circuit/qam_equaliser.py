@@ -47,17 +47,17 @@ def _run(
     feedback: NDArray[np.complex128],
     past: NDArray[np.complex128],
     grid: NDArray[np.float64],
-    gains: NDArray[np.float64],
+    loop: NDArray[np.float64],
     found: NDArray[np.complex128],
 ) -> None:
     """Equalise and decide symbol by symbol; taps follow the decisions by NLMS; `past` holds the newest symbol first.
 
-    `gains`: NLMS step, phase gain, frequency gain; frequency and phase to begin with.
+    `loop`: the carrier's frequency and phase in radians, and how many symbols were decided; taps, `past` and `loop`
+    are written, so that the next call goes on.
     """
     spacing = grid[1] - grid[0]
     top = len(grid) - 1
-    frequency = gains[3]
-    phase = gains[4]
+    frequency, phase, before = loop[0], loop[1], loop[2]
     for k in range(len(found)):
         value = 0.0 + 0.0j
         turn = np.cos(phase) - 1j * np.sin(phase)
@@ -72,11 +72,11 @@ def _run(
         i_level = grid[min(max(int(np.rint((value.real - grid[0]) / spacing)), 0), top)]
         q_level = grid[min(max(int(np.rint((value.imag - grid[0]) / spacing)), 0), top)]
         decided = i_level + 1j * q_level
-        share = max(LEAST, 1.0 / (1.0 + k / SETTLE))
-        gain = gains[0] * share * (decided - value) / power
+        share = max(LEAST, 1.0 / (1.0 + (before + k) / SETTLE))
+        gain = DECIDED_STEP * share * (decided - value) / power
         wrong = (value * np.conj(decided)).imag / (decided.real**2 + decided.imag**2)
-        frequency += gains[2] * share * share * wrong
-        phase += frequency + gains[1] * share * wrong
+        frequency += FREQUENCY_GAIN * share * share * wrong
+        phase += frequency + PHASE_GAIN * share * wrong
         for j in range(len(forward)):
             forward[j] += gain * np.conj(samples[2 * k + j] * turn)
         for i in range(len(feedback)):
@@ -85,6 +85,7 @@ def _run(
             past[i] = past[i - 1]
         if len(past):
             past[0] = decided
+    loop[0], loop[1], loop[2] = frequency, phase, before + len(found)
 
 
 def _rows(
@@ -145,6 +146,45 @@ def carrier_turn(
     return frequency, frequency * len(target) / 2.0
 
 
+class QamFilter:
+    """An equaliser that follows its own decisions, from one stretch of symbols to the next."""
+
+    def __init__(
+        self,
+        taps: QamTaps,
+        order: int,
+        past: NDArray[np.complex128] | None = None,
+        turn: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Begin with `taps` behind the symbols `past`, the newest first; without them they count as zero.
+
+        `turn` is the carrier's offset in radians per symbol and its phase at the first symbol.
+        """
+        self.taps = QamTaps(taps.forward.copy(), taps.feedback.copy())
+        self._grid = levels(order)
+        self._past = np.zeros(len(taps.feedback), np.complex128)
+        if past is not None:
+            self._past[:] = past[: len(self._past)]
+        self._loop = np.array([*turn, 0.0])
+
+    @property
+    def turn(self) -> float:
+        """The carrier's offset in radians per symbol."""
+        return float(self._loop[0])
+
+    def run(self, samples: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
+        """The next `count` symbols before decision; `samples` begin LEAD symbols before the first one."""
+        found = np.empty(count, np.complex128)
+        forward, feedback = self.taps.forward, self.taps.feedback
+        _run(np.ascontiguousarray(samples), forward, feedback, self._past, self._grid, self._loop, found)
+        return found
+
+    def advance(self, symbols: float) -> None:
+        """Expect the input that much earlier, a small part of a symbol: the window on it was moved later."""
+        frequency = np.fft.fftfreq(len(self.taps.forward), 0.5)
+        self.taps.forward[:] = np.fft.ifft(np.fft.fft(self.taps.forward) * np.exp(2j * np.pi * frequency * symbols))
+
+
 def equalise(
     samples: NDArray[np.complex128],
     taps: QamTaps,
@@ -153,16 +193,5 @@ def equalise(
     past: NDArray[np.complex128] | None = None,
     turn: tuple[float, float] = (0.0, 0.0),
 ) -> NDArray[np.complex128]:
-    """`count` symbols before decision; `samples` begin LEAD symbols before the first one.
-
-    `past` are the symbols before it, the newest first (training); without them they count as zero.
-    `turn` is the carrier's offset in radians per symbol and its phase at the first symbol.
-    """
-    before = np.zeros(len(taps.feedback), np.complex128)
-    if past is not None:
-        before[:] = past[: len(before)]
-    found = np.empty(count, np.complex128)
-    gains = np.array([DECIDED_STEP, PHASE_GAIN, FREQUENCY_GAIN, *turn])
-    forward, feedback = taps.forward.copy(), taps.feedback.copy()
-    _run(np.ascontiguousarray(samples), forward, feedback, before, levels(order), gains, found)
-    return found
+    """`count` symbols before decision, in one go; see QamFilter."""
+    return QamFilter(taps, order, past, turn).run(samples, count)

@@ -120,3 +120,28 @@ class Demodulation:
     """Samples taken out as impulses."""
     lines_hz: tuple[float, ...] = field(default=())
     """Interfering tones taken out."""
+
+
+def nothing_received(
+    receiver: str, refused: str, sync: Synchronisation | None = None, losses: int = 0, blanked: int = 0
+) -> Demodulation:
+    """No symbols, and why."""
+    none = np.empty(0)
+    return Demodulation(
+        symbol=none.astype(np.int64),
+        sample=none,
+        bit=none.astype(np.int8),
+        soft=none,
+        level_db=none,
+        evm_db=none,
+        carrier_offset_hz=none,
+        clock_offset_ppm=none,
+        receiver=receiver,
+        taps=none.astype(np.complex128),
+        error_db=none,
+        constellation=none.astype(np.complex128),
+        sync=sync,
+        refused=refused,
+        losses=losses,
+        blanked=blanked,
+    )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from services.track_circuit.blanking import without_impulses
 from services.track_circuit.profile import Profile, ProfileError
-from services.track_circuit.receiver import Demodulation, StoredTaps, Synchronisation
+from services.track_circuit.receiver import Demodulation, StoredTaps, Synchronisation, nothing_received
 from services.track_circuit.receiver_bursts import BURST_SYMBOLS, FOLLOWED_COHERENCE, GUARD_SYMBOLS, BurstChain, Piece
 from services.track_circuit.receiver_choice import receiver_named
 from services.track_circuit.signal_front_end import FrontEnd
@@ -207,26 +207,9 @@ class Demodulator:
         )
 
     def _nothing(self) -> Demodulation:
-        none = np.empty(0)
         where = f"CH2 on row {self._profile.ch2_row} near {self._profile.carrier_hz:g} Hz"
-        return Demodulation(
-            symbol=none.astype(np.int64),
-            sample=none,
-            bit=none.astype(np.int8),
-            soft=none,
-            level_db=none,
-            evm_db=none,
-            carrier_offset_hz=none,
-            clock_offset_ppm=none,
-            receiver=self._name,
-            taps=none.astype(np.complex128),
-            error_db=none,
-            constellation=none.astype(np.complex128),
-            sync=self._sync,
-            refused="" if self._sync else f"no signal with {where} ({FEWEST_SYMBOLS} symbols are needed)",
-            losses=self._losses,
-            blanked=self._blanked,
-        )
+        refused = "" if self._sync else f"no signal with {where} ({FEWEST_SYMBOLS} symbols are needed)"
+        return nothing_received(self._name, refused, self._sync, self._losses, self._blanked)
 
 
 def _present(piece: Piece, shortest: int) -> NDArray[np.bool_]:

@@ -38,10 +38,12 @@ from services.runtime.clock import LiveClock
 from services.runtime.node import Arrival, Node, Service
 from services.runtime.state_dir import state_dir
 from services.track_circuit.alsa_stream import AlsaStream
+from services.track_circuit.cdma_qam import modulate_cdma_qam
 from services.track_circuit.circuit_live import CircuitMessage
 from services.track_circuit.circuit_set import CircuitSet
 from services.track_circuit.coefficients_store import StoreError, read_store, store_path, write_store
 from services.track_circuit.modulate import modulate
+from services.track_circuit.qam_demodulation import QamDemodulator
 from services.track_circuit.receiver_demodulation import demodulate
 from services.track_circuit.reference_store import (
     KeptReference,
@@ -285,11 +287,19 @@ def _read(node: Node, folder: Path) -> CoefficientStore:
 
 def _warm_up(config: Config) -> None:
     """Compile the kernels, or load them from their cache, before the first sample waits for them."""
-    for settings in config.circuits[:1]:
-        profile = settings.profile
-        if profile.scheme == "ss-cdma":
-            rate_hz = 4.0 * (profile.carrier_hz + profile.chip_rate_hz)
-            demodulate(0.1 * modulate(np.zeros(300, np.int8), profile, rate_hz), rate_hz, profile)
+    profiles = {one.profile.scheme: one.profile for one in config.circuits}
+    for profile in profiles.values():
+        rate_hz = 4.0 * (profile.carrier_hz + profile.chip_rate_hz)
+        match profile.scheme:
+            case "ss-cdma":
+                demodulate(0.1 * modulate(np.zeros(300, np.int8), profile, rate_hz), rate_hz, profile)
+            case "cdma-qam":
+                bits = np.zeros(20 * profile.bits_per_block, np.int8)
+                QamDemodulator(rate_hz, profile).take(0.1 * modulate_cdma_qam(bits, profile, rate_hz))
+            case "fsk":
+                pass
+            case _:
+                assert_never(profile.scheme)
 
 
 SERVICE = Service(

@@ -6,15 +6,18 @@ from collections.abc import Callable
 
 import msgspec
 import numpy as np
+import pytest
 
 from schemas.track_circuit import CircuitEvent, CircuitOccupancy, EqualiserState, SampleBlock, Telegram
 from services.simulator.track_circuit_scene import SimulatedCircuit
 from services.simulator.track_circuit_settings import Outage, TrackCircuitSettings
+from services.track_circuit.cdma_qam import modulate_cdma_qam
 from services.track_circuit.circuit_live import CircuitMessage, LiveCircuit
 from services.track_circuit.code_table import CodeTable
 from services.track_circuit.coefficients import coefficients_of
-from services.track_circuit.profile import Profile
+from services.track_circuit.profile import Framing, Profile
 from services.track_circuit.settings import CircuitSettings
+from services.track_circuit.telegram import telegram_bits
 from services.track_circuit.traction_noise import InverterLine, TractionSettings
 
 START_NS = 1_795_305_600_000_000_000
@@ -194,3 +197,52 @@ def test_a_foreign_tone_is_told_once() -> None:
 def test_a_sender_on_a_fast_clock_is_followed() -> None:
     settings = TrackCircuitSettings(clock_ppm=50.0, carrier_offset_hz=5.0)
     assert run(settings, 5.0).telegrams()["good"] >= 9
+
+
+def qam_blocks(profile: Profile, seconds: float) -> list[SampleBlock]:
+    """Telegrams of circuit 1 in blocks of a tenth of a second."""
+    framing = profile.framing or Framing()
+    count = int(seconds * profile.bit_rate_hz) // profile.bits_per_block * profile.bits_per_block
+    telegrams = [telegram_bits(1, number, b"\xa5\x5a", framing) for number in range(count // 101 + 1)]
+    sent = 0.2 * modulate_cdma_qam(np.concatenate(telegrams)[:count], profile, 48_000.0)
+    samples = (sent + 1e-3 * np.random.default_rng(3).normal(size=len(sent))).astype(np.float32)
+    starts = range(0, len(samples) - 4800, 4800)
+    return [
+        SampleBlock(
+            t_ns=START_NS + round(begin / 48_000.0 * 1e9),
+            first_sample=begin,
+            sample_rate_hz=48_000.0,
+            samples=samples[begin : begin + 4800],
+        )
+        for begin in starts
+    ]
+
+
+@pytest.mark.parametrize("order", [16, 64])
+def test_cdma_qam_is_received_live_and_clears_the_circuit(order: int) -> None:
+    plain = Profile(scheme="cdma-qam", pulse="root-raised-cosine", qam_blocks=50, framing=Framing())
+    profile = msgspec.structs.replace(plain, qam_order=order)
+    settings = CircuitSettings(name="TC1", circuit_id=1, profile=profile)
+    heard = Heard(LiveCircuit(settings, CodeTable(), on_board=False, now_s=0.0))
+    for number, block in enumerate(qam_blocks(profile, 5.0)):
+        if 20 <= number < 23:
+            continue
+        now_s = 0.1 * (number + 1)
+        now_ns = START_NS + round(now_s * 1e9)
+        heard.messages += heard.live.take(block, now_ns, now_s)
+        if number == 10:
+            heard.messages += heard.live.confirm(now_ns, now_ns, now_s)
+        heard.messages += heard.live.tick(now_ns, now_s)
+    states = heard.telegrams()
+    # 1800 or 4200 bits per second less training, 101 per telegram; half a second is lost with the three blocks.
+    assert states["good"] > 3.5 * profile.bit_rate_hz / 101
+    assert states.get("bad_crc", 0) <= 2
+    clear = heard.clear_from()
+    assert min(clear) < 4.0
+    assert max(clear) > 4.2  # told every second
+    assert heard.events("samples") == ["samples are missing"]
+    assert heard.events("refused") == []
+    assert heard.live.stored is not None
+    assert (heard.live.stored.receiver, len(heard.live.stored.taps)) == ("dfe", 20)
+    state = [one for one in heard.messages if isinstance(one, EqualiserState)][-1]
+    assert (state.receiver, len(state.taps)) == ("dfe", 20)

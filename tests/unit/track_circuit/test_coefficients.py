@@ -100,6 +100,21 @@ def test_learning_goes_towards_near_taps_and_never_far() -> None:
     assert np.linalg.norm(moved) <= DRIFT_LIMIT * np.linalg.norm(TAPS) + 1e-12
 
 
+def test_feedback_taps_take_no_part_in_the_signals_gain() -> None:
+    generator = np.random.default_rng(9)
+    forward = generator.normal(size=16) + 1j * generator.normal(size=16)
+    feedback = np.array([0.3, 0.2j, -0.1, 0.0])
+    taps = np.concatenate([forward, feedback])
+    trained = stored = coefficients_of(
+        PROFILE, "T1", "dfe", taps, trained="2026-11-22", level_db=-20.0, evm_db=-15.0, symbols=500
+    )
+    louder = np.concatenate([forward * (0.1 - 3.0j), feedback])
+    assert drift(louder, trained) == pytest.approx(0.0, abs=1e-6)
+    for _ in range(50):
+        stored = adapted(stored, trained, louder)
+    assert np.allclose(taps_of(stored).taps, taps)
+
+
 def test_silence_and_short_runs_teach_nothing() -> None:
     silence = demodulate(np.zeros(9600), 48_000.0, PROFILE)
     with pytest.raises(TrainingError, match="no signal"):

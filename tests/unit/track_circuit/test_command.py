@@ -15,10 +15,11 @@ from typer.testing import CliRunner, Result
 
 from services.simulator.track_circuit_scene import SimulatedCircuit
 from services.simulator.track_circuit_settings import TrackCircuitSettings
-from services.track_circuit.cdma_qam import bits_per_block, modulate_cdma_qam
+from services.track_circuit.cdma_qam import modulate_cdma_qam
 from services.track_circuit.command import app
 from services.track_circuit.fsk import keyed
 from services.track_circuit.profile import Framing, Profile
+from services.track_circuit.telegram import telegram_bits
 
 RATE_HZ = 48_000
 PROFILE = Profile(framing=Framing())
@@ -185,15 +186,36 @@ def test_other_channels_and_gaps_in_a_recording(tmp_path: Path, simulated: NDArr
     assert (np.diff(symbols) >= 1).all()
 
 
-def test_a_frame_of_cdma_qam_gives_its_bits(tmp_path: Path) -> None:
-    profile = Profile(scheme="cdma-qam", qam_order=16, pulse="root-raised-cosine")
-    bits = np.random.default_rng(4).integers(0, 2, 50 * bits_per_block(profile)).astype(np.int8)
+@pytest.mark.parametrize("order", [16, 64])
+def test_cdma_qam_gives_bits_and_telegrams_and_begins_with_what_was_trained(tmp_path: Path, order: int) -> None:
+    profile = msgspec.structs.replace(
+        Profile(scheme="cdma-qam", pulse="root-raised-cosine"), qam_order=order, qam_blocks=25, framing=Framing()
+    )
+    framing = Framing()
+    told = np.concatenate([telegram_bits(7, number, b"\xa5\x5a", framing) for number in range(60)])
+    bits = told[: len(told) // profile.bits_per_block * profile.bits_per_block]
     sent = 0.2 * modulate_cdma_qam(bits, profile, float(RATE_HZ))
-    samples = np.concatenate([np.zeros(2000), sent, np.zeros(2000)])
-    path = recorded(tmp_path, samples, msgspec.to_builtins(profile))
-    result = asked("demodulate", path, "--out", tmp_path / "t.csv", "--bits", tmp_path / "b.csv", "--json")
+    path = recorded(tmp_path, np.concatenate([np.zeros(2000), sent, np.zeros(2000)]), msgspec.to_builtins(profile))
+    store = tmp_path / "s.json"
+    trained = asked("train", path, "--circuit", "T12", "--store", store, "--weather", "wet", "--json")
+    assert trained.exit_code == 0, trained.stderr
+    assert (json.loads(trained.stdout)["receiver"], json.loads(trained.stdout)["taps"]) == ("dfe", 20)
+    tables = ("--out", tmp_path / "t.csv", "--bits", tmp_path / "b.csv")
+    arguments = ("--circuit", "T12", "--store", store, "--json", *tables)
+    result = asked("demodulate", path, *arguments)
     assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout)["stored_version"] == 1
     found = [int(row["bit"]) for row in rows_of(tmp_path / "b.csv")]
     assert found[: len(bits)] == bits.tolist()
+    whole = len(bits) // 101
+    states = [row["state"] for row in rows_of(tmp_path / "t.csv")[:whole]]
+    assert states == ["unconfirmed"] + ["good"] * (whole - 1)
+    ffe = asked("demodulate", path, "--receiver", "least-squares", *arguments)
+    assert "belong to receiver dfe" in ffe.stderr
+    assert ffe.exit_code == 0
+
+
+def test_coded_circuits_have_nothing_to_train(tmp_path: Path) -> None:
+    path = recorded(tmp_path, np.zeros(RATE_HZ), {"scheme": "fsk"})
     refused = asked("train", path, "--circuit", "T12", "--store", tmp_path / "s.json")
-    assert (refused.exit_code, "cdma-qam" in refused.stderr) == (2, True)
+    assert (refused.exit_code, "no equaliser" in refused.stderr) == (2, True)

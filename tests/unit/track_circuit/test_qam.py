@@ -5,19 +5,21 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from services.track_circuit.cdma_qam import (
-    bits_per_block,
     despread_symbols,
     modulate_cdma_qam,
-    receive_cdma_qam,
     spread_symbols,
     training_symbols,
 )
 from services.track_circuit.modulate import passband, shaped
 from services.track_circuit.profile import Profile, ProfileError
 from services.track_circuit.qam import bits_per_symbol, levels, nearest, qam_bits, qam_points, theoretical_ber
+from services.track_circuit.qam_demodulation import QamDemodulator
 from services.track_circuit.qam_equaliser import LEAD, equalise, train
+from services.track_circuit.receiver import Demodulation, StoredTaps
+from services.track_circuit.receiver_demodulation import joined
 
 ORDERS = (4, 16, 64)
 
@@ -71,7 +73,7 @@ def test_stored_coefficients_need_few_symbols_on_a_turned_complex_channel(feedba
 @pytest.mark.parametrize("order", ORDERS)
 def test_codes_on_i_and_q_stand_on_the_constellation_and_come_back(order: int) -> None:
     profile = replace(Profile(scheme="cdma-qam"), qam_order=order)
-    bits = np.random.default_rng(4).integers(0, 2, 40 * bits_per_block(profile)).astype(np.int8)
+    bits = np.random.default_rng(4).integers(0, 2, 40 * profile.bits_per_block).astype(np.int8)
     symbols = spread_symbols(bits, profile)
     assert np.allclose(nearest(symbols, order), symbols)
     assert np.allclose(despread_symbols(symbols, profile), 1.0 - 2.0 * bits)
@@ -82,23 +84,85 @@ def test_codes_on_i_and_q_stand_on_the_constellation_and_come_back(order: int) -
 def test_a_frame_is_found_and_received_behind_a_rail_with_an_echo(order: int, offset_hz: float) -> None:
     profile = replace(Profile(scheme="cdma-qam"), qam_order=order)
     generator = np.random.default_rng(5)
-    bits = generator.integers(0, 2, 60 * bits_per_block(profile)).astype(np.int8)
+    bits = generator.integers(0, 2, 60 * profile.bits_per_block).astype(np.int8)
     symbols = np.concatenate([training_symbols(profile), spread_symbols(bits, profile)])
     clean = shaped(symbols, profile, 48_000.0)
     clean[7:] += 0.3j * clean[:-7]
     samples = np.concatenate([np.zeros(443), passband(clean, profile.carrier_hz + offset_hz, 48_000.0, 2.0)])
     samples += 0.05 * generator.normal(size=len(samples))
-    found = receive_cdma_qam(samples, 48_000.0, profile)
-    assert found is not None
-    assert found.begin == pytest.approx(443, abs=12)  # the echo pulls by less than a symbol
-    assert np.array_equal(found.soft < 0.0, bits == 1)
-    assert found.evm_db < -15.0  # the codes' spreading gains what the carrier's offset costs
+    found = received(samples, profile)
+    # 64 symbols of training stand before the first bit; the echo pulls by less than a symbol.
+    assert found.sample[0] == pytest.approx(443 + 640, abs=12)
+    assert np.array_equal(found.bit[: len(bits)], bits)
+    assert found.evm_db[0] < -15.0  # the codes' spreading gains what the carrier's offset costs
+
+
+def received(samples: NDArray[np.float64], profile: Profile, receiver: str = "dfe", pieces: int = 1) -> Demodulation:
+    demodulator = QamDemodulator(48_000.0, profile, receiver)
+    parts = [demodulator.take(part) for part in np.array_split(samples, pieces)] + [demodulator.finish()]
+    heard = [part for part in parts if len(part.bit)]
+    return joined(heard) if heard else parts[-1]
+
+
+def sent(bits: NDArray[np.int8], profile: Profile, *, ppm: float = 0.0, seed: int = 7) -> NDArray[np.float64]:
+    """Behind some silence, with noise 25 dB below, on a sender whose whole clock is off."""
+    clean = modulate_cdma_qam(bits, profile, 48_000.0 / (1.0 + ppm * 1e-6))
+    samples = np.concatenate([np.zeros(700), clean, np.zeros(300)])
+    noise = np.random.default_rng(seed).normal(size=len(samples)) * (0.06 * float(clean.std()))
+    return np.asarray(samples + noise, np.float64)
+
+
+@pytest.mark.parametrize("order", [16, 64])
+@pytest.mark.parametrize("ppm", [50.0, -50.0])
+@pytest.mark.parametrize("blocks", [0, 30])
+def test_clocks_are_followed_and_frames_join(order: int, ppm: float, blocks: int) -> None:
+    profile = replace(
+        Profile(scheme="cdma-qam", pulse="root-raised-cosine", carrier_hz=12_000.0 / (1.0 + ppm * 1e-6)),
+        qam_order=order,
+        qam_blocks=blocks,
+    )
+    bits = np.random.default_rng(6).integers(0, 2, 1200 * profile.bits_per_block).astype(np.int8)
+    found = received(sent(bits, profile, ppm=ppm), profile, pieces=37)
+    assert np.array_equal(found.symbol[: len(bits)], np.arange(len(bits)))
+    assert np.array_equal(found.bit[: len(bits)], bits)
+    assert found.losses == 0
+    assert (np.diff(found.sample) > 0.0).all()
+
+
+@pytest.mark.parametrize("receiver", ["dfe", "least-squares"])
+def test_a_gap_is_sought_over_and_numbers_go_on_by_time(receiver: str) -> None:
+    profile = replace(Profile(scheme="cdma-qam", pulse="root-raised-cosine"), qam_blocks=20)
+    bits = np.random.default_rng(8).integers(0, 2, 400 * profile.bits_per_block).astype(np.int8)
+    samples = sent(bits, profile)
+    found = received(np.concatenate([samples[:21_000], np.zeros(7_777), samples[21_000:]]), profile, receiver)
+    assert found.losses >= 1
+    jumps = np.diff(found.symbol)
+    assert jumps.min() == 1
+    assert 1 <= np.count_nonzero(jumps != 1) <= 3  # blocks around the gap are cut one by one
+    after = found.sample > 30_000
+    wanted = 20 * profile.bits_per_block
+    late = found.bit[after]
+    # Behind the gap every frame of 20 blocks is one that was sent.
+    frames = {bits[k : k + wanted].tobytes() for k in range(0, len(bits), wanted)}
+    assert all(late[k : k + wanted].tobytes() in frames for k in range(0, len(late) // wanted * wanted, wanted))
+    assert len(late) > 5 * wanted
+
+
+def test_stored_coefficients_must_fit_the_receiver() -> None:
+    profile = Profile(scheme="cdma-qam")
+    with pytest.raises(ValueError, match="do not fit"):
+        QamDemodulator(48_000.0, profile, "dfe", StoredTaps("least-squares", np.ones(16, np.complex128)))
+    with pytest.raises(ValueError, match="16 stored coefficients for 20"):
+        QamDemodulator(48_000.0, profile, "dfe", StoredTaps("dfe", np.ones(16, np.complex128)))
+    with pytest.raises(ProfileError, match="mlse"):
+        QamDemodulator(48_000.0, profile, "mlse")
 
 
 def test_noise_has_no_frame_and_rows_must_fit() -> None:
     profile = Profile(scheme="cdma-qam")
-    assert receive_cdma_qam(np.random.default_rng(6).normal(size=30_000), 48_000.0, profile) is None
-    assert receive_cdma_qam(np.zeros(100), 48_000.0, profile) is None
+    found = received(np.random.default_rng(6).normal(size=30_000), profile, pieces=5)
+    assert (len(found.bit), "no CDMA-QAM training" in found.refused) == (0, True)
+    assert received(np.zeros(100), profile).refused
     with pytest.raises(ValueError, match="no multiple of the 6"):
         spread_symbols(np.zeros(7, np.int8), profile)
     with pytest.raises(ProfileError, match="qam_rows"):
