@@ -47,3 +47,18 @@ def fault_of(batch: BridgeBatch, answer: BridgeAcknowledgement) -> str | None:
     if answer.through < batch.first:
         return f"the far end acknowledged up to {answer.through}, less than the batch from {batch.first} on"
     return None
+
+
+def acknowledgement_of(
+    batch: BridgeBatch, through: int, repeated: int, refused: int, t_ns: int
+) -> BridgeAcknowledgement:
+    """Answer to a batch that is durable."""
+    return BridgeAcknowledgement(
+        t_ns=t_ns,
+        bridge=batch.bridge,
+        lane=batch.lane,
+        spool_id=batch.spool_id,
+        through=through,
+        repeated=repeated,
+        refused=refused,
+    )

@@ -12,7 +12,7 @@ from pathlib import Path
 from schemas.bridge import BridgeBatch, BridgedRecord
 from services.lte_bridge.batch import BatchError, packed, unpacked
 from services.lte_bridge.deduplication import Deduplication, StateRow
-from services.lte_bridge.lane import lane_of
+from services.lte_bridge.lane import LANES, Lane, lane_of
 from services.lte_bridge.rescue_store import put_aside
 from services.lte_bridge.spool_table_store import connect, is_damage, transaction
 
@@ -21,6 +21,7 @@ _SCHEMA = """
 CREATE TABLE IF NOT EXISTS memory(name TEXT PRIMARY KEY, state BLOB NOT NULL, used INTEGER NOT NULL) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS unsaid(id INTEGER PRIMARY KEY AUTOINCREMENT, lane TEXT NOT NULL, count INTEGER NOT NULL,
                                   body BLOB NOT NULL);
+CREATE INDEX IF NOT EXISTS unsaid_order ON unsaid(lane, id);
 CREATE TABLE IF NOT EXISTS quarantine(id INTEGER PRIMARY KEY, key TEXT, reason TEXT, body BLOB);
 """
 
@@ -44,6 +45,8 @@ class Unsaid:
     """Records received that have not been said again."""
 
     id: int
+    lane: Lane
+    size: int
     records: list[BridgedRecord]
 
 
@@ -61,6 +64,9 @@ class Journal:
     _lock: threading.RLock = field(default_factory=threading.RLock)
     _connection: sqlite3.Connection | None = None
     _memory: Deduplication = field(default_factory=Deduplication)
+    _last: dict[Lane, int] = field(default_factory=dict)
+    """Number up to which each lane has been said since the start."""
+    _settled: dict[Lane, int] = field(default_factory=dict)
 
     def open(self) -> None:
         """Open or make the journal. Raises JournalFaultError, and OSError for the folder."""
@@ -105,29 +111,51 @@ class Journal:
         """The oldest records that wait to be said again, events first; None when nothing waits."""
         while True:
             with self._guarded() as connection:
-                row = connection.execute(
-                    "SELECT id, count, body FROM unsaid ORDER BY lane = 'bulk', id LIMIT 1"
-                ).fetchone()
+                row = self._oldest(connection)
                 if row is None:
                     return None
+                number, lane, count, body = row
                 try:
-                    return Unsaid(row[0], unpacked(row[2], row[1]))
+                    return Unsaid(number, lane, len(body), unpacked(body, count))
                 except BatchError as error:
-                    with transaction(connection):
-                        connection.execute(
-                            "INSERT INTO quarantine(key, reason, body) VALUES ('', ?, ?)", (str(error), row[2])
-                        )
-                        connection.execute("DELETE FROM unsaid WHERE id = ?", (row[0],))
-                    self.notes.append(f"{row[1]} received records cannot be read and are in quarantine: {error}")
+                    self.said(Unsaid(number, lane, len(body), []))
+                    connection.execute(
+                        "INSERT INTO quarantine(key, reason, body) VALUES ('', ?, ?)", (str(error), body)
+                    )
+                    self.notes.append(f"{count} received records cannot be read and are in quarantine: {error}")
 
-    def said(self, number: int, refused: list[tuple[BridgedRecord, str]]) -> None:
-        """Let go of records that have been said again, but for those `refused`, with the reasons."""
+    def said(self, unsaid: Unsaid) -> None:
+        """Go on to the next records."""
+        self._last[unsaid.lane] = unsaid.id
+        self.unsaid_bytes -= unsaid.size
+
+    def refuse(self, refused: list[tuple[BridgedRecord, str]]) -> None:
+        """Put records that cannot be said again into quarantine, with the reasons."""
         with self._guarded() as connection, transaction(connection):
-            row = connection.execute("SELECT length(body) FROM unsaid WHERE id = ?", (number,)).fetchone()
-            connection.execute("DELETE FROM unsaid WHERE id = ?", (number,))
             for record, reason in refused:
                 _quarantine(connection, record, reason)
-            self.unsaid_bytes -= row[0] if row else 0
+
+    def settle(self) -> None:
+        """Let go of what had been said when this was called before; until then a restart says it once more.
+
+        To be called every few seconds: what a process has said may still lie in its own queues
+        when it is killed.
+        """
+        with self._guarded() as connection, transaction(connection):
+            for lane, number in self._settled.items():
+                connection.execute("DELETE FROM unsaid WHERE lane = ? AND id <= ?", (lane, number))
+        self._settled = dict(self._last)
+
+    def _oldest(self, connection: sqlite3.Connection) -> tuple[int, Lane, int, bytes] | None:
+        for lane in LANES:
+            row = connection.execute(
+                "SELECT id, lane, count, body FROM unsaid WHERE lane = ? AND id > ? ORDER BY id LIMIT 1",
+                (lane, self._last.get(lane, 0)),
+            ).fetchone()
+            if row is not None:
+                found: tuple[int, Lane, int, bytes] = row
+                return found
+        return None
 
     @contextmanager
     def _guarded(self) -> Iterator[sqlite3.Connection]:
@@ -152,6 +180,7 @@ class Journal:
             self._memory.restore(
                 StateRow(*row) for row in connection.execute("SELECT name, state, used FROM memory").fetchall()
             )
+            self._last, self._settled = {}, {}
             self.unsaid_bytes = connection.execute("SELECT coalesce(sum(length(body)), 0) FROM unsaid").fetchone()[0]
         except sqlite3.Error:
             connection.close()

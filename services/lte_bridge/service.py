@@ -17,7 +17,7 @@ from schemas.topics import BRIDGE_STATUS, DOCUMENT, INGEST, topic_of
 from services.lte_bridge.batch import CHUNK_RECORDS, BatchError
 from services.lte_bridge.cutting import Cut
 from services.lte_bridge.document_store import DocumentError, keep
-from services.lte_bridge.exchange import Turns, fault_of
+from services.lte_bridge.exchange import Turns, acknowledgement_of, fault_of
 from services.lte_bridge.journal_store import Journal, JournalFaultError, Unsaid
 from services.lte_bridge.lane import KEPT, LANES, Lane, lane_of
 from services.lte_bridge.pace import Meter, Pace, paces
@@ -33,6 +33,8 @@ from services.runtime.state_dir import state_dir
 MEGABYTE = 1_000_000
 STATUS_S = 1.0
 DISK_RETRY_S = 1.0
+SETTLE_S = 2.0
+"""What was said so long ago has left this process."""
 
 
 class Config(Settings, frozen=True, kw_only=True):
@@ -58,7 +60,7 @@ async def run(node: Node, config: Config) -> None:
         node.ready()
         async with asyncio.TaskGroup() as tasks:
             linked = [tasks.create_task(_with_link(node, config, receiver.receive))] if config.receives else []
-            linked += [tasks.create_task(receiver.say())] if config.receives else []
+            linked += [tasks.create_task(work()) for work in (receiver.say, receiver.settle)] if config.receives else []
             linked += [tasks.create_task(_with_link(node, config, sender.send))] if config.far else []
             linked += [tasks.create_task(sender.tell())] if config.far else []
             if config.far is not None:
@@ -288,15 +290,7 @@ class Receiver:
         while self.journal.notes:
             board.trouble("journal", self.journal.notes.pop(0), clock.monotonic_s())
         self._changed.set()
-        return BridgeAcknowledgement(
-            t_ns=clock.now_ns(),
-            bridge=batch.bridge,
-            lane=batch.lane,
-            spool_id=batch.spool_id,
-            through=taken.through,
-            repeated=taken.repeated,
-            refused=taken.refused,
-        )
+        return acknowledgement_of(batch, taken.through, taken.repeated, taken.refused, clock.now_ns())
 
     async def say(self) -> None:
         """What was received under its mirrored keys, in order, for ever."""
@@ -308,10 +302,19 @@ class Receiver:
                     await self._changed.wait()
                     continue
                 refused = await self._say(unsaid)
-                await self.node.in_thread(partial(self.journal.said, unsaid.id, refused))
+                if refused:
+                    await self.node.in_thread(partial(self.journal.refuse, refused))
+                self.journal.said(unsaid)
             except (JournalFaultError, OSError) as error:
                 self.node.health.trouble("say", f"not said again yet: {error}", self.node.clock.monotonic_s())
                 await asyncio.sleep(DISK_RETRY_S)
+
+    async def settle(self) -> None:
+        """Let go of what has been said for a while, for ever."""
+        while True:
+            await asyncio.sleep(SETTLE_S)
+            with suppress(JournalFaultError):  # told when something is to be received
+                await self.node.in_thread(self.journal.settle)
 
     async def _say(self, unsaid: Unsaid) -> list[tuple[BridgedRecord, str]]:
         """Records that cannot be said, with the reasons."""

@@ -1,0 +1,155 @@
+"""Two bridges over real routers, killed at any moment: nothing is lost, repeated or put out of order."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import random
+import signal
+import sys
+from collections.abc import AsyncIterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from schemas.health import ServiceEvent
+from schemas.message import Message
+from schemas.radio import Weather
+from schemas.topic import Place
+from schemas.topics import SERVICE_EVENT, WEATHER
+from services.runtime.clock import LiveClock
+from services.runtime.host_config import BusConfig, RouterConfig
+from services.runtime.node import Arrival, Node, Service
+from services.runtime.router import open_router
+from services.runtime.zenoh_node import ZenohNode
+from tests.wire.ports import free_port
+from tests.wire.processes import ROOT
+from tests.wire.stage import TRAIN, NoConfig
+
+CLOUD = Place("demo", "cloud", "C1")
+KILLS = int(os.environ.get("KIROTEI_BRIDGE_KILLS", "16"))
+"""In the suite a few; set the variable for a long run."""
+SEED = int(os.environ.get("KIROTEI_BRIDGE_SEED", "1"))
+ENOUGH_S = 90.0
+"""For the last backlog on a machine that stalls; reached only when the test fails."""
+
+
+async def _idle(node: Node, config: NoConfig) -> None:
+    del node, config
+
+
+SPEAKER = Service("speaker", NoConfig, (), (SERVICE_EVENT, WEATHER), _idle, "speaks")
+LISTENER = Service("listener", NoConfig, (SERVICE_EVENT, WEATHER), (), _idle, "listens")
+
+
+def write_profile(folder: Path, place: Place, port: int, settings: str) -> Path:
+    path = folder / f"{place.name}.toml"
+    path.write_text(
+        f'state_dir = "{folder}/{place.name}"\n'
+        f'[place]\nline = "demo"\nkind = "{place.kind}"\nname = "{place.name}"\n'
+        f'[bus]\nconnect = ["tcp/127.0.0.1:{port}"]\n'
+        f"[lte_bridge]\n{settings}\n",
+        "utf-8",
+    )
+    return path
+
+
+class Bridge:
+    """A bridge in a process of its own, to be killed."""
+
+    def __init__(self, profile: Path) -> None:
+        self.profile = profile
+        self.process: asyncio.subprocess.Process | None = None
+
+    async def start(self) -> None:
+        self.process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            *("-m", "services.cli", "run", "lte_bridge", "--config", str(self.profile)),
+            cwd=ROOT,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.DEVNULL,
+        )
+
+    async def kill(self) -> None:
+        assert self.process is not None
+        assert self.process.returncode is None, f"{self.profile.name} ended by itself"
+        self.process.send_signal(signal.SIGKILL)
+        await self.process.wait()
+
+
+async def speak(node: ZenohNode, counts: dict[str, int], stop: asyncio.Event) -> None:
+    """Events and bulk, numbered, a hundred a second."""
+    while not stop.is_set():
+        event = ServiceEvent(t_ns=counts["event"], service="s", boot_id="b", kind="level", text="x")
+        await node.publish(SERVICE_EVENT, event, service="speaker")
+        counts["event"] += 1
+        for _ in range(4):
+            await node.publish(WEATHER, Weather(t_ns=counts["weather"], axis_m=1.0))
+            counts["weather"] += 1
+        await asyncio.sleep(0.05)
+
+
+async def listen(arrivals: AsyncIterator[Arrival[Message]], heard: dict[str, list[int]]) -> None:
+    async for arrival in arrivals:
+        if arrival.source.endswith("/speaker"):  # the bridge itself has something to say at each start
+            heard["event" if isinstance(arrival.message, ServiceEvent) else "weather"].append(arrival.message.t_ns)
+
+
+async def test_both_ends_killed_at_any_moment(tmp_path: Path) -> None:
+    here, there = free_port(), free_port()
+    uplink = f'far = {{ name = "C1" }}\nuplink = {{ connect = ["tcp/127.0.0.1:{there}"] }}\nretry_most_s = 0.5'
+    ends = [
+        Bridge(write_profile(tmp_path, TRAIN, here, f"{uplink}\nanswer_timeout_s = 2.0")),
+        Bridge(write_profile(tmp_path, CLOUD, there, "receives = true")),
+    ]
+    rng = random.Random(SEED)  # noqa: S311 - picks moments, keeps no secret
+    with ExitStack() as stack:
+        for port in (here, there):
+            stack.enter_context(open_router(RouterConfig(listen=(f"tcp/127.0.0.1:{port}",))))
+        speaker, listener = await open_node(SPEAKER, TRAIN, here), await open_node(LISTENER, CLOUD, there)
+        counts, stop = {"event": 0, "weather": 0}, asyncio.Event()
+        heard: dict[str, list[int]] = {"event": [], "weather": []}
+        tasks = [
+            asyncio.create_task(listen(listener.arrivals(SERVICE_EVENT, WEATHER, mirrored=True), heard)),
+            asyncio.create_task(speak(speaker, counts, stop)),
+        ]
+        try:
+            for end in ends:
+                await end.start()
+            await until_heard(heard, 1)
+            for number in range(KILLS):
+                await asyncio.sleep(rng.uniform(0.0, 2.0))
+                which = ends[number % 2] if number % 5 else rng.choice(ends)
+                await which.kill()
+                await which.start()
+            stop.set()
+            await tasks[1]
+            await until_heard(heard, counts["event"], counts["weather"])
+        finally:
+            for end in ends:
+                await end.kill()
+            for task in tasks:
+                task.cancel()
+            await speaker.close()
+            await listener.close()
+    assert heard["event"] == list(range(counts["event"]))
+    assert heard["weather"] == list(range(counts["weather"]))
+    sys.stdout.write(json.dumps({"kills": KILLS, "sent": counts}) + "\n")
+
+
+async def open_node(service: Service[NoConfig], place: Place, port: int) -> ZenohNode:
+    bus = BusConfig(connect=(f"tcp/127.0.0.1:{port}",))
+    return await ZenohNode.open(service, place, service.name, LiveClock(), bus)
+
+
+async def until_heard(heard: dict[str, list[int]], events: int, weather: int = 1) -> None:
+    """Return once so many have come; a failure says what is missing."""
+    try:
+        async with asyncio.timeout(ENOUGH_S):
+            while len(heard["event"]) < events or len(heard["weather"]) < weather:  # noqa: ASYNC110 - nobody else knows
+                await asyncio.sleep(0.05)
+    except TimeoutError:
+        missing = sorted(set(range(events)) - set(heard["event"])), sorted(set(range(weather)) - set(heard["weather"]))
+        pytest.fail(f"events and weather that never came: {missing}")
