@@ -36,6 +36,9 @@ def history(
     kind: Annotated[str, typer.Option(help="Of events.")] = "",
     most: Annotated[int, typer.Option("--most", min=1, help="Rows at most.")] = 1000,
     out: Annotated[Path | None, typer.Option("--out", help="CSV or Parquet file; printed when left out.")] = None,
+    passes: Annotated[
+        bool, typer.Option("--passes", help="Of radio: as passes.csv, for `kirotei radio learn` and `analyse`.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object a row.")] = False,
     connect: Annotated[str, typer.Option(help="Router of the cloud.")] = ROUTER,
 ) -> None:
@@ -51,6 +54,9 @@ def history(
     with told("cloud history"):
         if about not in ("radio", "radio_events", "radio_sums", "events"):
             msg = f"{about!r} is none of radio, radio_events, radio_sums, events"
+            raise UsageError(msg)
+        if passes and about != "radio":
+            msg = "--passes goes with radio"
             raise UsageError(msg)
         if out is not None and out.suffix not in (".csv", ".parquet"):
             msg = f"{out}: write .csv or .parquet"
@@ -69,7 +75,7 @@ def history(
             limit=min(most, 5000),
         )
         place = Place(line, "cloud", at)
-    run_history(question, place, shard, connect, most=most, out=out, as_json=as_json)
+    run_history(question, place, shard, connect, most=most, out=out, as_json=as_json, passes=passes)
 
 
 def _time_of(text: str | None) -> int | None:

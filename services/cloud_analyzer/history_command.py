@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NoReturn
@@ -14,6 +15,7 @@ import msgspec
 from schemas.bridge import StoreQuestion
 from schemas.topic import Place
 from schemas.topics import STORE
+from services.cloud_analyzer.passes_rows import passes_of
 from services.cloud_analyzer.rows_file import RowsFile
 from services.recorder.bus_session_command import BusSession
 from services.runtime.question import NoAnswerError, RefusedError
@@ -23,7 +25,15 @@ TIMEOUT_S = 30.0
 
 
 def run_history(
-    question: StoreQuestion, place: Place, shard: str, endpoint: str, *, most: int, out: Path | None, as_json: bool
+    question: StoreQuestion,
+    place: Place,
+    shard: str,
+    endpoint: str,
+    *,
+    most: int,
+    out: Path | None,
+    as_json: bool,
+    passes: bool,
 ) -> NoReturn:
     """Ask page by page until there is no more or `most` rows have come, and end the process."""
 
@@ -33,13 +43,14 @@ def run_history(
             asked, rows, partial = question, 0, ""
             while not node.stopping:
                 answer = await node.ask(STORE, place, asked, timeout_s=TIMEOUT_S, shard=shard)
-                wanted = answer.rows[: most - rows]
+                taken = answer.rows[: most - rows]
+                columns, wanted = passes_of(answer.columns, taken) if passes else (answer.columns, taken)
                 if file is not None:
-                    file.write(answer.columns, wanted)
-                    _progress(rows + len(wanted))
+                    file.write(columns, wanted)
+                    _progress(rows + len(taken))
                 else:
-                    _print(answer.columns, wanted, as_json=as_json, first=rows == 0)
-                rows += len(wanted)
+                    _print(columns, wanted, as_json=as_json, first=rows == 0)
+                rows += len(taken)
                 partial = answer.partial or partial
                 if not answer.next_page or rows >= most:
                     break
@@ -57,7 +68,7 @@ def run_history(
     BusSession("cloud-history", place, endpoint, told).run()
 
 
-def _print(columns: tuple[str, ...], rows: tuple[tuple[object, ...], ...], *, as_json: bool, first: bool) -> None:
+def _print(columns: tuple[str, ...], rows: Sequence[Sequence[object]], *, as_json: bool, first: bool) -> None:
     if as_json:
         for row in rows:
             sys.stdout.write(json.dumps(dict(zip(columns, row, strict=True)), ensure_ascii=False) + "\n")

@@ -1,0 +1,90 @@
+"""The analyzer as a process: killed in mid-ingest, started again, asked from the command line."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from pathlib import Path
+
+import duckdb
+
+from schemas.topic import Place
+from schemas.topics import INGEST, RADIO_MEASUREMENT
+from services.runtime.clock import LiveClock
+from services.runtime.host_config import BusConfig
+from services.runtime.node import Node, Service
+from services.runtime.question import NoAnswerError, RefusedError
+from services.runtime.zenoh_node import ZenohNode
+from tests.unit.cloud_analyzer.batches import batch, measurement
+from tests.wire.ports import free_port
+from tests.wire.processes import running
+from tests.wire.stage import NoConfig
+
+CLI = ("-m", "services.cli")
+CLOUD = Place("demo", "cloud", "C1")
+LIMIT_S = 60.0
+"""For anything to happen on a busy machine."""
+EACH, BATCHES = 40, 12
+
+
+async def _idle(node: Node, config: NoConfig) -> None:
+    del node, config
+
+
+BRIDGE = Service("bridge", NoConfig, (RADIO_MEASUREMENT,), (), _idle, "a test's bridge", asks=(INGEST,))
+
+
+async def bring(node: Node, number: int) -> int:
+    """Acknowledged number of a batch, asked again and again as a bridge does."""
+    first = number * EACH
+    records = [measurement(n) for n in range(first, first + EACH)]
+    async with asyncio.timeout(LIMIT_S):
+        while True:
+            try:
+                reply = await node.ask(INGEST, CLOUD, batch(records, first), timeout_s=2.0, shard="all")
+            except (NoAnswerError, RefusedError):
+                await asyncio.sleep(0.1)
+                continue
+            return reply.through
+
+
+async def test_what_was_acknowledged_is_there_after_kills_and_can_be_asked_for(tmp_path: Path) -> None:
+    port = free_port()
+    profile = tmp_path / "cloud.toml"
+    profile.write_text(
+        f'services = ["cloud_analyzer"]\nstate_dir = "{tmp_path}/state"\n'
+        '[place]\nline = "demo"\nkind = "cloud"\nname = "C1"\n'
+        f'[bus]\nconnect = ["tcp/127.0.0.1:{port}"]\n'
+        f'[router]\nlisten = ["tcp/127.0.0.1:{port}"]\n'
+        '[log]\nformat = "json"\n',
+        "utf-8",
+    )
+    with running(*CLI, "up", "--profile", str(profile)) as up:
+        pid = up.event("started", child="cloud_analyzer")["pid"]
+        await asyncio.to_thread(up.event, "all_ready", patience_s=120.0)
+        bus = BusConfig(connect=(f"tcp/127.0.0.1:{port}",))
+        node = await ZenohNode.open(BRIDGE, Place("demo", "train", "T1"), "bridge", LiveClock(), bus, announced=False)
+        try:
+            heard = node.arrivals(RADIO_MEASUREMENT, mirrored=True)
+            for number in range(BATCHES):
+                if number in (4, 8):
+                    os.kill(pid, signal.SIGKILL)
+                    pid = (await asyncio.to_thread(up.event, "started", child="cloud_analyzer", patience_s=LIMIT_S))[
+                        "pid"
+                    ]
+                assert await bring(node, number) == (number + 1) * EACH - 1
+            async with asyncio.timeout(LIMIT_S):
+                mirrored = [(await anext(heard)).sequence for _ in range(BATCHES * EACH)]
+            assert mirrored == list(range(BATCHES * EACH))
+        finally:
+            await node.close()
+        rows = tmp_path / "rows.parquet"
+        asked = ("cloud", "history", "radio", "--most", "10000", "--out", str(rows))
+        with running(*CLI, *asked, "--connect", f"tcp/127.0.0.1:{port}") as history:
+            assert await asyncio.to_thread(history.ended) == 0, history.errors
+        with duckdb.connect() as connection:
+            found = connection.execute("SELECT count(*), count(DISTINCT sequence) FROM read_parquet(?)", [str(rows)])
+            assert found.fetchone() == (BATCHES * EACH, BATCHES * EACH)
+        up.send(signal.SIGINT)
+        assert up.ended(6.0) == 0
