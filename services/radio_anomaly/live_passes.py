@@ -1,0 +1,122 @@
+"""Measurements as they come, gathered into passes that are under way and passes that are over."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+
+from schemas.radio import Weather
+from services.radio_anomaly.passes import period_of, section_of
+from services.radio_anomaly.reading import Reading
+from services.radio_anomaly.settings import Settings
+
+MOST_READINGS: Final = 200_000
+"""Of one pass; a longer one is cut in two."""
+MOST_SOURCES: Final = 2_000
+WEATHER_HOLDS_NS: Final = 3 * 3_600_000_000_000
+MOST_WEATHER: Final = 500
+
+
+class LivePass(msgspec.Struct, kw_only=True):
+    """A pass under way, or a period at a site."""
+
+    device: str
+    name: str
+    direction: str
+    readings: list[Reading] = msgspec.field(default_factory=list)
+    heard_s: float = 0.0
+    """Monotonic time of the last reading."""
+    section: int | None = None
+    sections_since: int = 0
+    """Sections finished since the pass was judged last."""
+    axis_m: float | None = None
+    left_out: int = 0
+    """Readings that a clock or a place that jumps, or repeating, spoiled."""
+    told: dict[str, bool] = msgspec.field(default_factory=dict)
+    """Events told on this pass, and whether as confirmed."""
+    shown: set[tuple[str, str, int]] = msgspec.field(default_factory=set)
+    """Sections shown."""
+
+
+class LivePasses:
+    """Passes under way, by who measures."""
+
+    def __init__(self, settings: Settings) -> None:
+        """None."""
+        self._settings = settings
+        self.under_way: dict[str, LivePass] = {}
+
+    def take(
+        self, source: str, device: str, reading: Reading, axis_m: float | None, now_s: float
+    ) -> tuple[LivePass, list[LivePass]]:
+        """The pass that a reading belongs to, and passes that are over with it.
+
+        `source` names place and device, and whether it measures along the line or at a site.
+        """
+        direction = reading.direction or ""
+        name = reading.pass_id
+        if not name and not direction:
+            name = period_of(reading.t_ns, self._settings.period_s)
+        over = []
+        before = self.under_way.get(source)
+        if before is not None and (
+            (before.name, before.direction) != (name, direction) or len(before.readings) >= MOST_READINGS
+        ):
+            over.append(self.under_way.pop(source))
+        if source not in self.under_way:
+            if len(self.under_way) >= MOST_SOURCES:
+                quietest = min(self.under_way, key=lambda key: self.under_way[key].heard_s)
+                over.append(self.under_way.pop(quietest))
+            self.under_way[source] = LivePass(device=device, name=name, direction=direction)
+        found = self.under_way[source]
+        found.readings.append(reading)
+        found.heard_s = now_s
+        found.axis_m = axis_m if axis_m is not None else found.axis_m
+        if reading.chainage_m is not None:
+            here = section_of(reading.chainage_m, self._settings.section_m)
+            if found.section is not None and here != found.section:
+                found.sections_since += 1
+            found.section = here
+        return found, over
+
+    def silent(self, now_s: float, after_s: float) -> list[LivePass]:
+        """Passes of which nothing was heard for so long that they are over."""
+        gone = [source for source, one in self.under_way.items() if now_s - one.heard_s >= after_s]
+        return [self.under_way.pop(source) for source in gone]
+
+    def rest(self) -> list[LivePass]:
+        """Every pass, ended now."""
+        found = list(self.under_way.values())
+        self.under_way.clear()
+        return found
+
+
+class WeatherMap:
+    """The last word on the weather by place."""
+
+    def __init__(self) -> None:
+        """None."""
+        self._words: dict[float, Weather] = {}
+
+    def take(self, word: Weather) -> None:
+        """Keep it in place of an older one there."""
+        before = self._words.get(word.axis_m)
+        if before is None or word.t_ns >= before.t_ns:
+            self._words[word.axis_m] = word
+        if len(self._words) > MOST_WEATHER:
+            del self._words[min(self._words, key=lambda axis_m: self._words[axis_m].t_ns)]
+
+    def at(self, axis_m: float | None, t_ns: int) -> Weather | None:
+        """Weather that holds at a place and time, the nearest; for a train without a place, the newest."""
+        near = [
+            word
+            for word in self._words.values()
+            if abs(word.t_ns - t_ns) <= WEATHER_HOLDS_NS
+            and (axis_m is None or abs(word.axis_m - axis_m) <= word.reach_m)
+        ]
+        if not near:
+            return None
+        if axis_m is None:
+            return max(near, key=lambda word: (word.t_ns, -word.axis_m))
+        return min(near, key=lambda word: (abs(word.axis_m - axis_m), word.axis_m))

@@ -1,0 +1,124 @@
+"""Stretches that are off their mean now: windows judged over this pass and the two before it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import msgspec
+
+from services.radio_anomaly.settings import Settings
+from services.radio_anomaly.window_test import PassTest, WindowSum
+
+BEFORE = 2
+"""Earlier passes over a window that are remembered."""
+
+Stream = tuple[str, str, str]
+"""Quantity, radio, channel."""
+LEAST_CHANGE_FACTOR = {"power": 1.0, "decoded": 1.0, "reception": 0.1}
+"""Quantities whose windows are tested, and their least change as a multiple of that in dB. For reception 0.3 on the
+transformed scale: from 98 % to 92 %, for one."""
+
+
+class Finding(msgspec.Struct, frozen=True, kw_only=True):
+    """A stretch off its mean."""
+
+    quantity: str
+    radio: str
+    channel: str
+    start: int
+    """First section,"""
+    length: int
+    """and how many."""
+    score: float
+    """In standard deviations, signed."""
+    change: float
+    """On the quantity's scale, signed."""
+    passes: int
+    """That speak for it."""
+    confirmed: bool
+
+    def overlaps(self, start: int, length: int) -> bool:
+        """Whether it shares a section."""
+        return self.start < start + length and start < self.start + self.length
+
+
+class WindowMemory:
+    """What the last passes said of each window."""
+
+    def __init__(self) -> None:
+        """Of nothing."""
+        self.kept: dict[tuple[str, str, str, int, int], tuple[tuple[float, float], ...]] = {}
+
+    def before(self, stream: Stream, start: int, length: int) -> tuple[tuple[float, float], ...]:
+        """Pull and information, newest last."""
+        return self.kept.get((*stream, start, length), ())
+
+    def put(self, stream: Stream, sums: Iterable[WindowSum]) -> None:
+        """Remember a pass."""
+        for one in sums:
+            key = (*stream, one.start, one.length)
+            self.kept[key] = (*self.kept.get(key, ())[1 - BEFORE :], (one.pull, one.information))
+
+
+def window_sums(tests: Iterable[PassTest], settings: Settings) -> list[WindowSum]:
+    """Every window of a pass."""
+    return [one for test in tests for one in test.windows(settings.windows)]
+
+
+def find_steps(stream: Stream, sums: Iterable[WindowSum], memory: WindowMemory, settings: Settings) -> list[Finding]:
+    """Windows off their mean, the clearest first, none overlapping a clearer one.
+
+    Confirmed: this pass alone is beyond `certain_score`, or two or three passes together are beyond
+    `confirmed_score` with each of them pointing the same way. Not confirmed: this pass is beyond `suspect_score`.
+    """
+    least = settings.least_change_db * LEAST_CHANGE_FACTOR[stream[0]]
+    found = [
+        finding
+        for one in sums
+        if abs(one.pull) >= settings.each_score * math.sqrt(one.information)
+        if (finding := _judge(stream, one, memory.before(stream, one.start, one.length), settings, least)) is not None
+    ]
+    found.sort(key=lambda one: (not one.confirmed, -abs(one.score), one.start, one.length))
+    taken: set[int] = set()
+    kept = []
+    for one in found:
+        sections = range(one.start, one.start + one.length)
+        if taken.isdisjoint(sections):
+            taken.update(sections)
+            kept.append(one)
+    return kept
+
+
+def _judge(
+    stream: Stream, one: WindowSum, before: tuple[tuple[float, float], ...], settings: Settings, least: float
+) -> Finding | None:
+    sign = math.copysign(1.0, one.pull)
+    pull, information = one.pull, one.information
+    alone = abs(pull) / math.sqrt(information)
+    enough = abs(pull / information) >= least
+    best = (alone, pull / information, 1, alone >= settings.certain_score and enough)
+    if not best[3] and not (alone >= settings.suspect_score and enough):
+        best = (0.0, 0.0, 0, False)
+    for number, (earlier_pull, earlier_information) in enumerate(reversed(before), start=2):
+        if sign * earlier_pull < settings.each_score * math.sqrt(earlier_information):
+            break
+        pull += earlier_pull
+        information += earlier_information
+        together = abs(pull) / math.sqrt(information)
+        if together >= settings.confirmed_score and abs(pull / information) >= least and together > best[0]:
+            best = (together, pull / information, number, True)
+    score, change, passes, confirmed = best
+    if not passes:
+        return None
+    return Finding(
+        quantity=stream[0],
+        radio=stream[1],
+        channel=stream[2],
+        start=one.start,
+        length=one.length,
+        score=sign * score,
+        change=change,
+        passes=passes,
+        confirmed=confirmed,
+    )

@@ -1,0 +1,127 @@
+"""Is a stretch of the line off its mean? Generalised least squares over windows of sections.
+
+The residuals r of one pass have covariance K: each section's own variance, a share common to the whole
+pass (the train's day), and one that fades along the line (shadowing). For a change δ over the sections
+of a window, marked by d, the best estimate and its variance (Aitken 1935) are
+
+    δ = dᵀK⁻¹r / dᵀK⁻¹d,   var δ = 1 / dᵀK⁻¹d.
+
+Both sums add up over independent passes, so three passes are one estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+CLIP: Final = 3.5
+"""A single section says no more than this many standard deviations: cells change, trains stand under bridges."""
+CHUNK: Final = 400
+"""Sections that are taken together at most: the effort grows with the cube."""
+
+
+class Correlation(msgspec.Struct, frozen=True, gc=False, kw_only=True):
+    """How residuals of one pass hang together: shares of their variance."""
+
+    whole: float = 0.05
+    """Common to the pass."""
+    near: float = 0.25
+    """Fading with `reach` sections."""
+    reach: float = 2.0
+    inflation: float = 1.0
+    """Factor on every standard deviation, from held-out passes."""
+
+
+class Residuals(msgspec.Struct, frozen=True, gc=False):
+    """One quantity of one radio and channel on one pass; one row per section, rising."""
+
+    sections: NDArray[np.int64]
+    residual: Floats
+    mean_variance: Floats
+    variance: Floats
+    passes: Floats
+
+
+class WindowSum(msgspec.Struct, frozen=True, gc=False):
+    """What a pass says about a window: dᵀK⁻¹r and dᵀK⁻¹d."""
+
+    start: int
+    length: int
+    pull: float
+    information: float
+    observed: int
+
+
+class PassTest:
+    """K⁻¹r and K⁻¹ of a pass as running sums, from which every window follows at once."""
+
+    def __init__(self, residuals: Residuals, correlation: Correlation) -> None:
+        """Up to CHUNK sections."""
+        self.sections = residuals.sections
+        deviation = correlation.inflation * np.sqrt(residuals.mean_variance + residuals.variance)
+        self.z = residuals.residual / deviation
+        clipped = np.clip(self.z, -CLIP, CLIP) * deviation
+        apart = np.abs(self.sections[:, None] - self.sections[None, :])
+        shape = correlation.whole + correlation.near * np.exp(-apart / correlation.reach)
+        shape[np.diag_indices(len(self.sections))] = 1.0
+        inverse = np.linalg.inv(shape * np.outer(deviation, deviation))
+        count = len(self.sections)
+        self._pull = np.concatenate([[0.0], np.cumsum(inverse @ clipped)])
+        self._information = np.zeros((count + 1, count + 1))
+        self._information[1:, 1:] = inverse.cumsum(0).cumsum(1)
+        shared = residuals.mean_variance.mean() / count + correlation.whole * residuals.variance.mean() / max(
+            float(residuals.passes.mean()), 1.0
+        )
+        self.shared_variance = float(shared)
+        """Of the learned mean over the whole pass: the same error on every later pass."""
+
+    def over(self, first: int, past: int) -> tuple[float, float]:
+        """Pull and information of the sections with these indices."""
+        info = self._information
+        return (
+            float(self._pull[past] - self._pull[first]),
+            float(info[past, past] - info[first, past] - info[past, first] + info[first, first]),
+        )
+
+    def window(self, start: int, length: int) -> WindowSum | None:
+        """Sums of a window of sections; None unless half of it was observed."""
+        first, past = np.searchsorted(self.sections, (start, start + length))
+        if past - first < max(1, (length + 1) // 2):
+            return None
+        pull, information = self.over(int(first), int(past))
+        return WindowSum(start, length, pull, information, int(past - first))
+
+    def windows(self, lengths: tuple[int, ...]) -> Iterator[WindowSum]:
+        """Every window that half was observed of."""
+        low, high = int(self.sections[0]), int(self.sections[-1])
+        for length in lengths:
+            # A hole of the line between two stretches is not walked section by section.
+            starts = np.unique((self.sections[:, None] - np.arange(length)[None, :]).ravel())
+            starts = starts[(starts >= low - length + 1) & (starts <= high)]
+            first = np.searchsorted(self.sections, starts)
+            past = np.searchsorted(self.sections, starts + length)
+            enough = past - first >= max(1, (length + 1) // 2)
+            starts, first, past = starts[enough], first[enough], past[enough]
+            pull = self._pull[past] - self._pull[first]
+            info = self._information
+            information = info[past, past] - info[first, past] - info[past, first] + info[first, first]
+            for k in range(len(starts)):
+                yield WindowSum(int(starts[k]), length, float(pull[k]), float(information[k]), int(past[k] - first[k]))
+
+
+def chunks(residuals: Residuals) -> Iterator[Residuals]:
+    """A long pass in pieces."""
+    for begin in range(0, len(residuals.sections), CHUNK):
+        part = slice(begin, begin + CHUNK)
+        yield Residuals(
+            residuals.sections[part],
+            residuals.residual[part],
+            residuals.mean_variance[part],
+            residuals.variance[part],
+            residuals.passes[part],
+        )
