@@ -29,6 +29,8 @@ from services.track_circuit.receiver import Burst, ReceiverRefusedError, Recepti
 from services.track_circuit.walsh import code
 from services.track_circuit.warm_start import ALIGN_SYMBOLS
 
+SHORTEST_CODE = 8
+"""Chips."""
 MEMORY = 0.8
 """Share of the channel estimate's sums kept from one burst to the next."""
 SHORT = 3.0
@@ -101,17 +103,19 @@ class MlseReceiver:
 
         Raises ReceiverRefusedError when the response may last longer than a symbol: two states would not do.
         """
-        if profile.code_length < TAPS:
+        if profile.code_length < SHORTEST_CODE:
             msg = (
-                f"the code of {profile.code_length} chips is shorter than the response of {TAPS} chips that two states "
-                f"can handle: at least {1 << (TAPS - 1).bit_length()} chips are needed"
+                f"the code of {profile.code_length} chips is too short for two states: at least {SHORTEST_CODE} chips "
+                "are needed, as long as a response behind tuned units lasts"
             )
             raise ReceiverRefusedError(msg)
+        self._length = min(TAPS, profile.code_length)
+        """Chips of the response: within a symbol, so that no more than neighbours overlap."""
         self._profile = profile
         self._code1 = code(profile.code_length, profile.ch1_row)
         self._code2 = profile.ch2_amplitude * code(profile.code_length, profile.ch2_row)
-        self._sums = NormalEquations()
-        self._taps = None if stored is None else stored.taps.reshape(2, TAPS)
+        self._sums = NormalEquations(self._length)
+        self._taps = None if stored is None else stored.taps.reshape(2, self._length)
         self._aligned = stored is None
 
     def receive(self, burst: Burst) -> Reception:
@@ -137,7 +141,7 @@ class MlseReceiver:
 
     def _refined(self, burst: Burst, pilot_chips: NDArray[np.float64], soft: NDArray[np.float64]) -> _Refined:
         """The response with first decisions, decisions with that, and so on."""
-        sums, taps, points = self._sums, np.zeros((2, TAPS), np.complex128), np.zeros(len(soft), np.complex128)
+        sums, taps, points = self._sums, np.zeros((2, self._length), np.complex128), np.zeros(len(soft), np.complex128)
         errors = []
         for _ in range(ROUNDS):
             symbols = signs(soft) if burst.known is None else np.where(burst.known == 0.0, signs(soft), burst.known)
@@ -151,9 +155,9 @@ class MlseReceiver:
         self, burst: Burst, pilot_chips: NDArray[np.float64], spread: float = 0.0
     ) -> NDArray[np.complex128]:
         """The response from CH2 alone: delay-and-add takes CH1 away."""
-        sums = NormalEquations()
-        rows = delay_and_add(rows_of(pilot_chips)).real
-        sums.add(rows, delay_and_add(observed_rows(burst.samples, len(pilot_chips))))
+        sums = NormalEquations(self._length)
+        rows = delay_and_add(rows_of(pilot_chips, self._length)).real
+        sums.add(rows, delay_and_add(observed_rows(burst.samples, len(pilot_chips), self._length)))
         return sums.solve(spread)
 
     def _with_gain(
@@ -161,8 +165,8 @@ class MlseReceiver:
     ) -> NDArray[np.complex128]:
         """The stored response with the complex gain of the burst's first pilot bits."""
         few = ALIGN_SYMBOLS * self._profile.code_length
-        rows = delay_and_add(rows_of(pilot_chips))[:few]
-        heard = delay_and_add(observed_rows(burst.samples, len(pilot_chips)))[: len(rows)]
+        rows = delay_and_add(rows_of(pilot_chips, self._length))[:few]
+        heard = delay_and_add(observed_rows(burst.samples, len(pilot_chips), self._length))[: len(rows)]
         hoped = rows @ stored.T
         gain = np.vdot(hoped, heard) / (float(np.sum(np.abs(hoped) ** 2)) + 1e-30)
         return np.asarray(stored * gain, np.complex128)

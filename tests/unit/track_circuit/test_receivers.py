@@ -76,8 +76,8 @@ def test_filters_as_long_as_the_code_are_refused() -> None:
 
 
 def test_a_response_longer_than_a_symbol_is_refused_by_mlse() -> None:
-    with pytest.raises(ReceiverRefusedError, match="at least 16"):
-        receiver_named("mlse", replace(PROFILE, code_length=8, ch2_row=6))
+    with pytest.raises(ReceiverRefusedError, match="at least 8"):
+        receiver_named("mlse", replace(PROFILE, code_length=4, ch2_row=3))
 
 
 def test_the_row_criterion_orders_rows_as_measured() -> None:

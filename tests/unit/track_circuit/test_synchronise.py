@@ -95,6 +95,16 @@ def test_rows_that_hardly_excite_ch1s_band_do_not_lead_mlse_astray(row: int) -> 
     assert np.array_equal(found.bit, BITS)
 
 
+@pytest.mark.parametrize(("length", "row"), [(8, 6), (8, 8), (32, 30), (64, 62)])
+def test_other_lengths_of_code_are_received(length: int, row: int) -> None:
+    profile = replace(PROFILE, code_length=length, ch2_row=row)
+    clean = shaped(chips(BITS, profile), profile, RATE_HZ)
+    clean[12:] += 0.5j * clean[:-12]
+    noise = np.random.default_rng(18).normal(size=len(clean))
+    found = demodulate(passband(clean, profile.carrier_hz, RATE_HZ, 1.0) + 0.7 * noise, RATE_HZ, profile)
+    assert np.array_equal(found.bit[: len(BITS)], BITS)
+
+
 def test_lost_samples_are_noticed_and_numbers_stay_right() -> None:
     samples = recording()
     found = demodulate(np.concatenate([samples[:20_000], samples[20_477:]]), RATE_HZ, PROFILE)
