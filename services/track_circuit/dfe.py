@@ -12,6 +12,7 @@ import copy
 import numpy as np
 from numpy.typing import NDArray
 
+from services.numerics.kernel import kernel
 from services.track_circuit.equaliser import STRIDE, Algorithm, LinearReceiver, evm_db, per_symbol_db
 from services.track_circuit.least_squares import windows
 from services.track_circuit.modulate import spread
@@ -26,6 +27,26 @@ FEEDBACK_TAPS = 4
 ROUNDS = 2
 RIDGE = 1e-3
 START: Algorithm = "least-squares"
+
+
+@kernel
+def _fed_back(
+    outputs: NDArray[np.complex128],
+    shape: NDArray[np.complex128],
+    after: NDArray[np.complex128],
+    energy: float,
+    points: NDArray[np.complex128],
+) -> None:
+    """points[m] = sum of shape x outputs over symbol m, by `energy`; outputs get decision x `after` behind it."""
+    length = len(shape)
+    for m in range(len(points)):
+        total = 0.0 + 0.0j
+        for k in range(length):
+            total += shape[k] * outputs[m * length + k]
+        points[m] = total / energy
+        sign = -1.0 if total.real < 0.0 else 1.0
+        for k in range(min(len(after), len(outputs) - (m + 1) * length)):
+            outputs[(m + 1) * length + k] += sign * after[k]
 
 
 class DfeReceiver:
@@ -106,13 +127,8 @@ class DfeReceiver:
         tail = np.concatenate([[0.0], feedback])
         shape = self._code1 - np.convolve(self._code1, tail)[:length]
         energy = float(np.sum(np.abs(shape) ** 2))
-        carried = np.zeros(len(pilot) + length + len(tail), np.complex128)
-        carried[: len(pilot) + len(tail) - 1] = np.convolve(pilot, tail)
+        carried = np.convolve(pilot, tail)
         after = np.convolve(self._code1, tail)[length:]
         points = np.empty(len(burst.pilots), np.complex128)
-        for m in range(len(points)):
-            at = slice(m * length, (m + 1) * length)
-            points[m] = np.vdot(shape, outputs[at] + carried[at] - pilot[at]) / energy
-            sign = -1.0 if points[m].real < 0.0 else 1.0
-            carried[at.stop : at.stop + len(after)] += sign * after
+        _fed_back(outputs - pilot + carried[: len(pilot)], np.conj(shape), after, energy, points)
         return points
