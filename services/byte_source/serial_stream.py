@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import serial
 
-from services.byte_source.source import CHUNK, READ_S, SourceError
+from services.byte_source.source import CHUNK, READ_S, WRITE_S, SourceError
 
 
 class SerialLine:
@@ -25,7 +25,7 @@ class SerialLine:
         """Open the device for this process alone. Raises SourceError."""
         self.close()
         try:
-            self._line = serial.Serial(self._port, self._baud, timeout=READ_S, exclusive=True)
+            self._line = serial.Serial(self._port, self._baud, timeout=READ_S, write_timeout=WRITE_S, exclusive=True)
         except (OSError, ValueError) as error:
             msg = f"it cannot be opened: {error}"
             raise SourceError(msg) from error
@@ -37,6 +37,17 @@ class SerialLine:
             raise SourceError(msg)
         try:
             return bytes(self._line.read(min(max(self._line.in_waiting, 1), CHUNK)))
+        except OSError as error:
+            msg = f"it broke: {error}"
+            raise SourceError(msg) from error
+
+    def write(self, octets: bytes) -> None:
+        """Send bytes. Raises SourceError."""
+        if self._line is None:
+            msg = "the line is not open"
+            raise SourceError(msg)
+        try:
+            self._line.write(octets)
         except OSError as error:
             msg = f"it broke: {error}"
             raise SourceError(msg) from error

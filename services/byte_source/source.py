@@ -6,6 +6,8 @@ from typing import Final, Protocol
 
 READ_S: Final = 0.25
 """Longest time that one reading waits; a service asked to stop does so within it."""
+WRITE_S: Final = 2.0
+"""Longest time that sending waits."""
 OPEN_S: Final = 10.0
 """Longest time that opening waits for an answer."""
 CHUNK: Final = 4096

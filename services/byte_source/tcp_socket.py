@@ -34,6 +34,17 @@ class TcpConnection:
         """Bytes that have come; see `ByteSource.read`."""
         return receive(self._socket)
 
+    def write(self, octets: bytes) -> None:
+        """Send bytes. Raises SourceError."""
+        if self._socket is None:
+            msg = "the connection is not open"
+            raise SourceError(msg)
+        try:
+            self._socket.sendall(octets)
+        except OSError as error:
+            msg = f"the connection broke: {error}"
+            raise SourceError(msg) from error
+
     def close(self) -> None:
         """Disconnect."""
         if self._socket is not None:
