@@ -1,0 +1,112 @@
+"""What runs on the hosts: `speak LISTEN EVENTS_HZ BULK_HZ` on the train, `listen LISTEN` in the cloud.
+
+Each is the router of its host as well, prints one JSON value per line, and ends when its
+standard input does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import time
+
+import msgspec
+
+from schemas.health import ServiceEvent
+from schemas.radio import Weather
+from schemas.topic import Place
+from schemas.topics import SERVICE_EVENT, WEATHER
+from services.runtime.clock import LiveClock
+from services.runtime.host_config import BusConfig, RouterConfig
+from services.runtime.node import Node, Service
+from services.runtime.router import open_router
+from services.runtime.zenoh_node import ZenohNode
+
+TRAIN, CLOUD = Place("demo", "train", "T1"), Place("demo", "cloud", "C1")
+
+
+class NoConfig(msgspec.Struct, frozen=True):
+    """Nothing to set."""
+
+
+async def _idle(node: Node, config: NoConfig) -> None:
+    del node, config
+
+
+def say(value: object) -> None:
+    sys.stdout.write(json.dumps(value) + "\n")
+    sys.stdout.flush()
+
+
+async def end_of_input() -> None:
+    await asyncio.to_thread(sys.stdin.read)
+
+
+async def speak(router: str, events_hz: float, bulk_hz: float) -> None:
+    """Events and bulk, each numbered and stamped when it is said; in the end how many."""
+    service = Service("speaker", NoConfig, (), (SERVICE_EVENT, WEATHER), _idle, "speaks")
+    node = await ZenohNode.open(service, TRAIN, "speaker", LiveClock(), BusConfig(connect=(router,)))
+    counts = {"events": 0, "bulk": 0}
+
+    async def events() -> None:
+        while True:
+            text = str(counts["events"])
+            message = ServiceEvent(t_ns=time.time_ns(), service="s", boot_id="b", kind="level", text=text)
+            await node.publish(SERVICE_EVENT, message, service="speaker")
+            counts["events"] += 1
+            await asyncio.sleep(1.0 / events_hz)
+
+    async def bulk() -> None:
+        while True:
+            await node.publish(WEATHER, Weather(t_ns=time.time_ns(), axis_m=float(counts["bulk"])))
+            counts["bulk"] += 1
+            await asyncio.sleep(1.0 / bulk_hz)
+
+    tasks = [asyncio.create_task(events()), asyncio.create_task(bulk())]
+    say("ready")
+    await end_of_input()
+    for task in tasks:
+        task.cancel()
+    await asyncio.wait(tasks)
+    say(counts)
+    await end_of_router(node)
+
+
+async def listen(router: str) -> None:
+    """What comes over the bridge, as [kind, number, seconds since it was said]."""
+    service = Service("listener", NoConfig, (SERVICE_EVENT, WEATHER), (), _idle, "listens")
+    node = await ZenohNode.open(service, CLOUD, "listener", LiveClock(), BusConfig(connect=(router,)))
+
+    async def hear() -> None:
+        async for arrival in node.arrivals(SERVICE_EVENT, WEATHER, mirrored=True):
+            if not arrival.source.endswith("/speaker"):
+                continue
+            message = arrival.message
+            age_s = (time.time_ns() - message.t_ns) / 1e9
+            if isinstance(message, ServiceEvent):
+                say(["events", int(message.text), age_s])
+            else:
+                say(["bulk", int(message.axis_m), age_s])
+
+    hearing = asyncio.create_task(hear())
+    say("ready")
+    await end_of_input()
+    hearing.cancel()
+    await end_of_router(node)
+
+
+async def end_of_router(node: ZenohNode) -> None:
+    await asyncio.sleep(0.5)  # lets what was said last reach whoever lives on after this host
+    await node.close()
+
+
+def main() -> None:
+    role, endpoint, *rates = sys.argv[1:]
+    inside = "tcp/127.0.0.1:7447"
+    with open_router(RouterConfig(listen=(endpoint, inside) if endpoint != inside else (inside,))):
+        asyncio.run(speak(inside, *map(float, rates)) if role == "speak" else listen(inside))
+
+
+if __name__ == "__main__":
+    main()
