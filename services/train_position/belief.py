@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final, Literal, NamedTuple
 
 from services.train_position.claims import STREAM, Claim, Interval, offsets_of, places_of
-from services.train_position.reach import Instant
+from services.train_position.instants import Instant
 
 MOST_ALTERNATIVES: Final = 4
 """Beyond them all become one wide interval, which nothing narrows but a reference."""

@@ -58,6 +58,8 @@ def _make_up(held: Held, change: TrainChange) -> str:
             held.estimate.move(now, after)
         if makeup.flips != held.makeup.flips:
             held.reach.sense = -sense
+            # Along the axis that is forward from now on.
+            held.reach.doubt_speed(-now.speed_mps, now.speed_bound_mps)
             held.scale.restart()
         held.change_makeup(now.t_ns, makeup)
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from services.train_position.reach import Instant
+from services.train_position.instants import Instant
 
 Source = Literal["odometry", "landmark", "gnss", "balise", "restart", "route"]
 STREAM: Source = "gnss"

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from services.train_position.reach import Instant
+from services.train_position.instants import Instant
 
 SCALE_WALK: Final = 1e-10
 """Variance per metre of the scale: 0.1 % per 10 km, as tyres warm and creep changes."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from services.train_position.claims import Claim, offsets_of, places_of
 from services.train_position.held import Held
-from services.train_position.reach import Instant
+from services.train_position.instants import Instant
 
 
 class FirstPlace:

@@ -13,9 +13,10 @@ from services.train_position.belief import Belief, Rules
 from services.train_position.branches import MAIN, Branches
 from services.train_position.claims import Claim, Interval, Source, places_of
 from services.train_position.estimate import Estimate
+from services.train_position.instants import Instant, Physics, Scale, Sense
 from services.train_position.line_places import LinePlaces
 from services.train_position.makeup import Makeup
-from services.train_position.reach import Instant, Physics, Reach, Scale, Sense
+from services.train_position.reach import Reach
 from services.train_position.settings import Config
 from services.train_position.wheel_scale import WheelScale
 
@@ -152,11 +153,11 @@ class Held:
         found, clock_m = places_of(offsets, then), self.clock_bound_m(then)
         return Interval(found.least_m - clock_m, found.greatest_m + clock_m)
 
-    def estimate_m(self, places: Interval) -> float:
-        """Likeliest place, inside of those possible."""
+    def estimate_m(self, places: Interval, moved_m: float = 0.0) -> float:
+        """Likeliest place `moved_m` further on, inside of those possible."""
         if self.estimate is None:
             return (places.least_m + places.greatest_m) / 2.0
-        return places.clip(self.estimate.axis_m)
+        return places.clip(self.estimate.axis_m + moved_m)
 
     def span(self, places: Interval) -> Interval:
         """From the rearmost to the foremost place that the train may cover."""

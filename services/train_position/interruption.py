@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 from schemas.motion import Odometry
 from services.train_position.claims import Claim, places_of
 from services.train_position.held import Held
-from services.train_position.reach import Instant, Physics, Reach
+from services.train_position.instants import Instant, Physics
+from services.train_position.reach import Reach
 
 LEAST_SIGMA_M: Final = 0.1
 

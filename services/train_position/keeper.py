@@ -18,10 +18,11 @@ from services.train_position.changes import apply_change, apply_evidence
 from services.train_position.claims import Claim, Source
 from services.train_position.first_place import FirstPlace
 from services.train_position.held import Held
+from services.train_position.instants import Instant, Sense
+from services.train_position.lateness import Lateness
 from services.train_position.line_places import LinePlaces
 from services.train_position.odometry_steps import OdometrySteps
 from services.train_position.position_message import message_of
-from services.train_position.reach import Instant, Sense
 from services.train_position.references import balise_claim, landmark_claim
 from services.train_position.satellites import Satellites
 from services.train_position.sense import SenseFinder
@@ -58,6 +59,7 @@ class PositionKeeper:
         self._number = 0
         self._seen: dict[tuple[str, str, int], None] = {}
         self._status = ""
+        self._lateness = Lateness()
         self._together_ns: int | None = None
         self._unoriented: list[Claim] = []
         """Claims since the newest beginning, while the sense is not known."""
@@ -78,11 +80,14 @@ class PositionKeeper:
         """State to survive a restart."""
         return snapshot_of(self.held, self._steps.sure())
 
-    def on_message(self, message: Message, device: str = "") -> list[Message]:
-        """Take any message that the position is made of, given the device in its key; others do nothing."""
+    def on_message(self, message: Message, device: str = "", heard_s: float | None = None) -> list[Message]:
+        """Take any message that the position is made of, given the device in its key; others do nothing.
+
+        `heard_s`: when it came, by a clock that never steps; without it nothing is taken to be late.
+        """
         match message:
             case Odometry():
-                return self.on_odometry(message)
+                return self.on_odometry(message, heard_s)
             case SlipEpisode():
                 return self.on_slip(message)
             case Fix():
@@ -94,12 +99,19 @@ class PositionKeeper:
             case _:
                 return []
 
-    def on_odometry(self, odometry: Odometry) -> list[Message]:
-        """Go on to a message of the odometry; the last message returned is the position there."""
+    def on_odometry(self, odometry: Odometry, heard_s: float | None = None) -> list[Message]:
+        """Go on to a message of the odometry; the last message returned is the position there, or now if it is late."""
+        before = self.held.reach.now
         told = self._steps.step(odometry)
-        if told is None:
-            return []
-        return told + self._after_step(odometry.t_ns)
+        if told is not None and before is not None and odometry.t_ns < before.t_ns:
+            self._lateness.forget()
+        late_s = 0.0 if heard_s is None else self._lateness.of(odometry.t_ns, heard_s)
+        late_ns = round(late_s * 1e9) if late_s >= self.held.config.late_s else 0
+        if told is not None:
+            return told + self._after_step(odometry.t_ns, late_ns)
+        # Physics has gone on beyond the message: it tells nothing, but the position goes on to now.
+        ahead_ns = 0 if before is None else odometry.t_ns + late_ns - before.t_ns
+        return self._after_step(before.t_ns, ahead_ns) if before is not None and late_ns and ahead_ns > 0 else []
 
     def on_time(self, now_ns: int) -> list[Message]:
         """Go on without odometry, once it has been silent; nothing while it speaks."""
@@ -165,13 +177,13 @@ class PositionKeeper:
             )
         return []
 
-    def _after_step(self, t_ns: int) -> list[Message]:
+    def _after_step(self, t_ns: int, late_ns: int = 0) -> list[Message]:
         told: list[Message] = []
         while self._waiting and self._waiting[0][0] <= t_ns:
             _, _, message, device = self._waiting.pop(0)
             told += self._apply(message, device)
         told += self._routes(t_ns)
-        position = message_of(self.held, t_ns)
+        position = message_of(self.held, t_ns, late_ns)
         if position.status != self._status:
             text = f"{position.status}: {position.reason}" if position.reason else position.status
             told.append(self.held.event("status", text, t_ns, position.axis_m))

@@ -8,8 +8,8 @@ from schemas.message import Message
 from schemas.motion import Odometry
 from services.train_position.estimate import Estimate
 from services.train_position.held import Held
+from services.train_position.instants import Instant
 from services.train_position.interruption import Interruption, advance
-from services.train_position.reach import Instant
 from services.train_position.reliance import Reliance
 from services.train_position.snapshot import Snapshot, Sure, restore
 from services.train_position.weighing import weigh
@@ -127,7 +127,7 @@ class OdometrySteps:
             return []
         held.doubted = why
         anew, slipping = odometry.origin != held.origin, self._reliance.slipping
-        self._reliance.doubt()
+        self._reliance.doubt(since_sure=slipping or not anew)
         now = held.reach.now or before
         if held.estimate is not None:
             held.estimate.move(before, now)
@@ -142,7 +142,7 @@ class OdometrySteps:
         held, now = self._held, self._held.reach.now
         if now is None or held.blind:
             return []
-        told = self._doubt(self._reliance.against(now), odometry)
+        told = self._doubt(self._reliance.against(odometry, now), odometry)
         if told:
             self._confine()
         else:

@@ -8,21 +8,22 @@ from schemas.position import PositionStatus, TrainPosition
 from services.train_position.branches import MAIN
 from services.train_position.claims import Interval
 from services.train_position.held import Held
-from services.train_position.reach import Instant
+from services.train_position.instants import Instant
 
 
-def message_of(held: Held, t_ns: int) -> TrainPosition:
-    """Position at the newest instant; without a place when it is lost."""
-    now, places = held.reach.now, held.places()
+def message_of(held: Held, t_ns: int, late_ns: int = 0) -> TrainPosition:
+    """Position at the newest instant, and `late_ns` after it by physics; without a place when it is lost."""
+    now = held.reach.now if held.reach.now is None or not late_ns else held.reach.ahead(t_ns + late_ns)
+    places = None if now is None else held.places_at(now)
     odometry = held.odometry
     nowhere = TrainPosition(
-        t_ns=t_ns,
+        t_ns=t_ns + late_ns,
         status="lost",
         reason=held.lost,
         train_length_m=held.makeup.length_m,
         direction=held.direction,
         reference=held.reference,
-        sources=held.states(t_ns),
+        sources=held.states(t_ns + late_ns),
         stop_demanded=held.stop_demanded,
         line_version=held.line.version if held.line is not None else "",
     )
@@ -30,19 +31,20 @@ def message_of(held: Held, t_ns: int) -> TrainPosition:
         nowhere = msgspec.structs.replace(
             nowhere,
             speed_mps=odometry.speed_mps * held.makeup.sign,
-            speed_bound_mps=odometry.speed_bound_mps,
-            standstill=odometry.standstill,
+            speed_bound_mps=now.speed_bound_mps if late_ns else odometry.speed_bound_mps,
+            standstill=odometry.standstill and not late_ns,
             slip=odometry.slip,
         )
     if now is None or places is None:
         return nowhere
-    status, reason = status_of(held, places)
+    status, reason = status_of(held, places, late_ns / 1e9)
     return msgspec.structs.replace(nowhere, status=status, reason=reason, **_placed(held, now, places))
 
 
 def _placed(held: Held, now: Instant, places: Interval) -> dict[str, object]:
     """Everything that has to do with the place."""
-    axis_m, span = held.estimate_m(places), held.span(places)
+    newest = held.reach.now or now
+    axis_m, span = held.estimate_m(places, now.likeliest_m - newest.likeliest_m), held.span(places)
     above_m, below_m = places.greatest_m - axis_m, axis_m - places.least_m
     facing = held.facing
     branch = held.branch(places)
@@ -75,21 +77,15 @@ def _placed(held: Held, now: Instant, places: Interval) -> dict[str, object]:
     }
 
 
-def status_of(held: Held, places: Interval) -> tuple[PositionStatus, str]:
+def status_of(held: Held, places: Interval, late_s: float = 0.0) -> tuple[PositionStatus, str]:
     """Status, and everything that speaks against a better one."""
     reasons: list[str] = []
-    odometry = held.odometry
     if held.belief.contradicted:
         named = "; ".join(" and ".join(one.names) for one in held.belief.alternatives)
         reasons.append(f"sources contradict each other ({named}): the train may be where either says")
     if not held.confirmed:
         reasons.append(held.unconfirmed)
-    if held.doubted:
-        reasons.append(f"odometry not believed: {held.doubted}; the way gone is bounded by physics alone")
-    elif held.blind or odometry is None:
-        reasons.append("no odometry: the way gone is bounded by physics alone")
-    elif odometry.status != "valid":
-        reasons.append(f"odometry {odometry.status}: {odometry.reason}")
+    reasons += _of_odometry(held, late_s)
     if held.facing == 0:
         reasons.append("the direction of the train on the line is not known yet")
     if held.branches.disputed:
@@ -100,3 +96,18 @@ def status_of(held: Held, places: Interval) -> tuple[PositionStatus, str]:
     if places.width_m > held.config.most_valid_m:
         reasons.append(f"the front end may be anywhere within {places.width_m:.0f} m")
     return ("degraded" if reasons else "valid"), "; ".join(reasons)
+
+
+def _of_odometry(held: Held, late_s: float) -> list[str]:
+    """What speaks against the odometry."""
+    odometry = held.odometry
+    found: list[str] = []
+    if late_s:
+        found.append(f"the odometry is {late_s:.1f} s late: the way gone since is bounded by physics alone")
+    if held.doubted:
+        found.append(f"odometry not believed: {held.doubted}; the way gone is bounded by physics alone")
+    elif held.blind or odometry is None:
+        found.append("no odometry: the way gone is bounded by physics alone")
+    elif odometry.status != "valid":
+        found.append(f"odometry {odometry.status}: {odometry.reason}")
+    return found

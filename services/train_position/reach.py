@@ -14,10 +14,10 @@ added at both instants (schemas.motion.Odometry).
 from __future__ import annotations
 
 import bisect
-from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final
 
 from schemas.motion import Odometry
+from services.train_position.instants import Instant, Physics, Scale, Sense, tube
 
 HISTORY: Final = 6000
 """Instants that are kept: ten minutes of 10 Hz."""
@@ -29,59 +29,6 @@ BOUND_SIGMAS: Final = 3.0
 """A bound on what slips add is taken for so many standard deviations in the estimate."""
 SLACK_M: Final = 5.0
 """What a step of the odometry may be beyond every physical limit before it is refused."""
-
-Sense = Literal[-1, 0, 1]
-"""+1: the vehicle's forward axis points towards rising `axis_m`; 0: not known."""
-
-
-class Instant(NamedTuple):
-    """The sums at one instant; interpolated ones are floats all the same."""
-
-    t_ns: int
-    distance_m: float
-    way_m: float
-    greatest_m: float
-    least_m: float
-    likeliest_m: float
-    rolled_m: float
-    """Of the likeliest displacement, what the wheels have measured (shifts of the front end left out)."""
-    variance_m2: float
-    excess_m: float
-    provisional_m: float
-    speed_mps: float
-    """Along the vehicle's forward axis."""
-    speed_bound_mps: float
-
-
-class Scale(NamedTuple):
-    """Relative error of distance by the wheel: true way = measured way × (1 + ε), ε between these."""
-
-    least: float
-    greatest: float
-
-    @property
-    def largest(self) -> float:
-        """Largest error of either sign."""
-        return max(abs(self.least), abs(self.greatest))
-
-
-@dataclass(frozen=True, slots=True)
-class Physics:
-    """What no train of the line exceeds."""
-
-    speed_mps: float
-    acceleration_mps2: float
-
-
-def tube(sure: Instant, t_ns: int, physics: Physics, sense: Sense) -> tuple[float, float]:
-    """Least and greatest displacement that physics allows after an instant: v T ± (δv T + a T² / 2)."""
-    dt_s = (t_ns - sure.t_ns) / 1e9
-    mean_m, limit_m = sure.speed_mps * dt_s, physics.speed_mps * dt_s
-    doubt_m = sure.speed_bound_mps * dt_s + physics.acceleration_mps2 * dt_s**2 / 2.0
-    if sense == 0:
-        span_m = min(abs(mean_m) + doubt_m, limit_m)
-        return -span_m, span_m
-    return max(sense * mean_m - doubt_m, -limit_m), min(sense * mean_m + doubt_m, limit_m)
 
 
 class Reach:
@@ -235,8 +182,12 @@ class Reach:
 
     def blind(self, t_ns: int) -> None:
         """Go on without odometry: speed by now is what it was, and what physics lets it become."""
-        now = self._instants[-1]
         self._turned_ns = t_ns
+        self._add(self.ahead(t_ns))
+
+    def ahead(self, t_ns: int) -> Instant:
+        """The instant that physics alone leads to from the newest one."""
+        now = self._instants[-1]
         dt_s = (t_ns - now.t_ns) / 1e9
         most = self._physics.acceleration_mps2
         limit = self._physics.speed_mps
@@ -244,7 +195,7 @@ class Reach:
         doubt_m = now.speed_bound_mps * dt_s + most * dt_s**2 / 2.0
         bound_mps = min(now.speed_bound_mps + most * dt_s, limit + abs(now.speed_mps))
         following = now._replace(t_ns=t_ns, speed_bound_mps=bound_mps)
-        self._add(self._moved(following, now, mean_m, doubt_m, limit * dt_s))
+        return self._moved(following, now, mean_m, doubt_m, limit * dt_s)
 
     def doubt_speed(self, speed_mps: float, bound_mps: float) -> None:
         """Hold another speed at the newest instant, before `blind` goes on from it."""

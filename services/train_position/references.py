@@ -8,8 +8,8 @@ from schemas.position import BalisePassage, LandmarkMatch
 from services.train_position.branches import MAIN
 from services.train_position.claims import Claim
 from services.train_position.held import Held
+from services.train_position.instants import Instant
 from services.train_position.makeup import LONGEST_M
-from services.train_position.reach import Instant
 
 BOUND_SIGMAS: Final = 3.0
 """A location accuracy is taken for so many standard deviations."""

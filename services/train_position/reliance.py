@@ -1,10 +1,10 @@
 """Whether the odometry can be relied on, by what no train can do and by how it began.
 
 It is not believed once its speed or way cannot follow what it said while all was well (services.train_position.
-sure_instants), and when it begins anew under way: it knows one speed alone then, which may be a sliding wheel's. From
-there on physics bounds the way, from the last sure instant on. It is believed again after it has been without slips
-and leaps for longer than slips last; what it has counted since it began is then believed, too, unless a slip was under
-way.
+sure_instants), when it sees a slip right after sensors were silent (what comes late is no slip), and when it begins
+anew under way: it knows one speed alone then, which may be a sliding wheel's. From there on physics bounds the way,
+from the last sure instant on. It is believed again after it has been without slips and leaps for longer than slips
+last; what it has counted since it began is then believed, too, unless a slip was under way.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import msgspec
 
 from schemas.motion import Odometry
 from services.train_position.held import Held
-from services.train_position.reach import Instant, Physics
+from services.train_position.instants import Instant, Physics
 from services.train_position.snapshot import Snapshot, Sure
-from services.train_position.sure_instants import SLACK_MPS, SureInstants
+from services.train_position.sure_instants import SETTLED_S, SLACK_MPS, SureInstants
 
 ROUGH_MPS: Final = 3.0
 """Less is known of the speed by an odometry that is just beginning,"""
@@ -36,6 +36,8 @@ class Reliance:
         self._sure = SureInstants(self._physics)
         self._slipping = False
         self._began_ns = 0
+        self._unwell_ns: int | None = None
+        """When it last said that sensors were missing while it saw no slip."""
         self._changes = held.changes
         self._sense = held.reach.sense
         self._calm: tuple[int, Odometry] | None = None
@@ -77,6 +79,8 @@ class Reliance:
     def begins(self, odometry: Odometry, now: Instant) -> str:
         """Why an odometry that begins anew is not believed at once; empty when it is, or goes on."""
         held = self._held
+        if odometry.status != "valid" and odometry.slip == 0:
+            self._unwell_ns = odometry.t_ns
         if odometry.origin == held.origin or (odometry.t_ns - now.t_ns) / 1e9 > held.config.longest_gap_s:
             return ""
         self._began_ns = odometry.t_ns
@@ -84,9 +88,16 @@ class Reliance:
             return "it began anew while the wheels slipped"
         return "it began anew under way" if abs(now.speed_mps) > STANDING_MPS else ""
 
-    def against(self, now: Instant) -> str:
-        """Why the instant that the odometry has led to cannot be; empty when it can."""
+    def against(self, odometry: Odometry, now: Instant) -> str:
+        """Why what a message says, and the instant that it has led to, are not believed; empty when they are."""
         self._current()
+        unwell_ns = self._unwell_ns
+        begins = odometry.slip != 0 and not self._slipping
+        if begins and unwell_ns is not None and odometry.t_ns - unwell_ns < SETTLED_S * 1e9:
+            return "it sees a slip right after sensors were silent"
+        return self._impossible(now)
+
+    def _impossible(self, now: Instant) -> str:
         if now.t_ns - self._began_ns < BEGINNING_S * 1e9:
             return ""
         return self._sure.against(now, self._held.reach.sense)
@@ -100,12 +111,12 @@ class Reliance:
         elif self._is_calm(odometry):
             self._sure.take(now)
 
-    def doubt(self) -> None:
-        """Put the newest instant where physics allows; the odometry is not believed from now on."""
+    def doubt(self, *, since_sure: bool) -> None:
+        """Believe the odometry no longer; `since_sure`: nor what it has said since it was sure."""
         reach, sure = self._held.reach, self._sure.oldest
         now = reach.now
         self._calm = None
-        if now is None or sure is None or sure.t_ns >= now.t_ns or not (self._slipping or self.against(now)):
+        if now is None or sure is None or sure.t_ns >= now.t_ns or not since_sure:
             return
         gained_mps = self._physics.acceleration_mps2 * (now.t_ns - sure.t_ns) / 1e9
         reach.widen(sure)

@@ -14,8 +14,8 @@ from schemas.gnss import Fix, FrontEnd
 from services.train_position.branches import MAIN
 from services.train_position.claims import Claim, Interval
 from services.train_position.held import Held
+from services.train_position.instants import Instant, Sense
 from services.train_position.line_places import Foot, LinePlaces
-from services.train_position.reach import Instant, Sense
 
 BOUND_SIGMAS: Final = 4.2
 """A bound of satellites is so many standard deviations (services.gnss_correction)."""

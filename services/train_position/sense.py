@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from services.train_position.reach import Sense
+from services.train_position.instants import Sense
 
 MOST_ENDS: Final = 12
 SHARE: Final = 0.05

@@ -120,9 +120,10 @@ async def _hear_motion(
     node: Node, arrivals: AsyncIterator[Arrival[Any]], keeper: PositionKeeper, speaker: _Speaker
 ) -> None:
     async for arrival in arrivals:
+        heard_s = node.clock.monotonic_s()
         if isinstance(arrival.message, Odometry):
-            speaker.odometry_ns, speaker.heard_s = arrival.message.t_ns, node.clock.monotonic_s()
-        await speaker.say(keeper.on_message(arrival.message))
+            speaker.odometry_ns, speaker.heard_s = arrival.message.t_ns, heard_s
+        await speaker.say(keeper.on_message(arrival.message, heard_s=heard_s))
 
 
 async def _tick(node: Node, config: Config, keeper: PositionKeeper, speaker: _Speaker) -> None:

@@ -63,6 +63,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Without odometry for longer the position is lost unless satellites carry it."""
     silent_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 1.0
     """Odometry that has not spoken for so long is taken to be missing."""
+    late_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 2.0
+    """Odometry stamped by so much longer ago than usual is late: by physics the position goes on from it to now."""
     calm_s: Annotated[float, Meta(ge=0.0, le=600.0)] = 20.0
     """An odometry that was not believed is believed again after so long without slips: longer than slips last."""
 

@@ -14,8 +14,8 @@ from services.train_position.belief import Alternative
 from services.train_position.claims import offsets_of
 from services.train_position.estimate import Estimate
 from services.train_position.held import Held
+from services.train_position.instants import Instant, Scale, Sense
 from services.train_position.makeup import Makeup
-from services.train_position.reach import Instant, Scale, Sense
 
 FORMAT = 1
 Number = Annotated[float, Meta(gt=-1e9, lt=1e9)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from services.train_position.reach import Instant, Physics, Sense, tube
+from services.train_position.instants import Instant, Physics, Sense, tube
 
 APART_S: Final = 0.5
 SETTLED_S: Final = 3.0

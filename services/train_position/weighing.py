@@ -11,7 +11,7 @@ from services.train_position.branches import MAIN
 from services.train_position.claims import STREAM, Claim, Interval, offsets_of
 from services.train_position.estimate import Estimate
 from services.train_position.held import Held, Said, is_reference
-from services.train_position.reach import Instant
+from services.train_position.instants import Instant
 from services.train_position.scale_message import learned_scale
 
 SCALE_SIGMAS: Final = 3.0

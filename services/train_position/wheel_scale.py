@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from services.train_position.claims import Claim
-from services.train_position.reach import Instant, Scale
+from services.train_position.instants import Instant, Scale
 
 SHORTEST_M: Final = 300.0
 """Over less, references tell too little of the scale."""

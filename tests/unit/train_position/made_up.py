@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from schemas.gnss import FrontEnd
+from schemas.gnss import Fix, FrontEnd
 from schemas.line import Balise, Branch, ChainagePoint, Line
 from schemas.message import Message
 from schemas.motion import Odometry
-from schemas.position import BalisePassage, LandmarkMatch, TrainPosition
+from schemas.position import BalisePassage, LandmarkMatch, PositionEvent, TrainPosition
 from services.train_position.keeper import PositionKeeper
 from services.train_position.line_places import LinePlaces
 from services.train_position.makeup import Makeup
@@ -201,3 +201,28 @@ def run_with(config: Config | None = None, *, line: bool = True, **changes: obje
     settings = config or Config(clock_bound_s=0.0, holdover=0.0, line_accuracy_m=0.0, forward="vehicle", state=False)
     keeper = PositionKeeper(settings, PLACES if line else None)
     return Run(keeper, **changes)  # type: ignore[arg-type]  # fields of Run by name
+
+
+def events_of(run: Run, kind: str) -> list[str]:
+    """Texts of the events of a kind that were told so far."""
+    return [one.text for one in run.heard if isinstance(one, PositionEvent) and one.kind == kind]
+
+
+def fix_of(run: Run, behind_m: float, north_deg: float = 0.0, **changes: object) -> Fix:
+    """A fix of one antenna, so far behind the front end and so far to the north of the line."""
+    fields: dict[str, object] = {
+        "t_ns": run.t_ns,
+        "gps_week": 0,
+        "tow_s": 0.0,
+        "method": "robust",
+        "status": "fix",
+        "lat_deg": north_deg,
+        "lon_deg": (run.axis_m - run.sense * behind_m) / LENGTH_M * DEGREES,
+        "h_m": 0.0,
+        "ve_mps": run.sense * run.speed_mps,
+        "vn_mps": 0.0,
+        "satellites_used": 8,
+        "satellites_flagged": 0,
+        "bound_m": 5.0,
+    }
+    return Fix(**(fields | changes))  # type: ignore[arg-type]  # fields of the message by name

@@ -5,6 +5,7 @@ No satellites and no balises: what the odometry makes of a fault is what the pos
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 import msgspec
@@ -17,7 +18,7 @@ from services.landmark_matching.live_matching import LiveMatching
 from services.landmark_matching.settings import MatchSettings
 from services.odometry_fusion.live_odometry import LiveOdometry
 from services.simulator.motion_settings import Adhesion, Tacho
-from services.simulator.train_scenario import Journey, TimedFault, TrainScenario
+from services.simulator.train_scenario import Journey, TrainScenario
 from services.train_position.evaluation import judge
 from services.train_position.keeper import PositionKeeper
 from services.train_position.positions_file import positions_of, truth_of
@@ -25,12 +26,13 @@ from services.train_position.positions_file import positions_of, truth_of
 FAULT_S = 70.0
 """Since the start: at 15 m/s, half-way between two curves."""
 RUN_S = 105.0
+SLIP_S = 6.0
 C01_MIDDLE_M = 770.0
 
 
 def scenario(**changes: object) -> TrainScenario:
     """The demo line without slips, from Kirihama on."""
-    dry = {"adhesion": Adhesion()}
+    dry = {"adhesion": Adhesion(), "gnss": None}
     return msgspec.structs.replace(scenario_of(Journey(), 3, outages=False), **(dry | changes))
 
 
@@ -42,6 +44,20 @@ def driven(made: TrainScenario, seconds: float = RUN_S) -> tuple[Chain, Judge]:
     chain.tell(known_start(chain, chain.truth[-1].axis_m))
     chain.run(seconds)
     return chain, found
+
+
+@pytest.fixture(scope="module")
+def sound() -> Chain:
+    """The run until shortly before a fault comes; every test takes a copy on."""
+    return driven(scenario(), FAULT_S)[0]
+
+
+def befallen(sound: Chain, kinds: tuple[FaultKind, ...], seconds: float) -> tuple[Chain, Judge]:
+    """A copy of the run, with faults from now on."""
+    chain = copy.deepcopy(sound)
+    for kind in kinds:
+        chain.simulation.faults.switch(kind, now_s=chain.simulation.now_s, magnitude=None, seconds=seconds)
+    return chain, chain.judges[0]
 
 
 def require_true(chain: Chain, found: Judge) -> None:
@@ -88,11 +104,29 @@ FAULTS: dict[FaultKind, Callable[[Chain, Judge], bool]] = {
 
 
 @pytest.mark.parametrize("kind", FAULTS)
-def test_a_fault_is_told_and_the_bounds_hold(kind: FaultKind) -> None:
-    seconds = 6.0 if kind in {"slide", "spin"} else 25.0
-    chain, found = driven(scenario(faults=(TimedFault(kind=kind, at_s=FAULT_S, seconds=seconds),)))
+def test_a_fault_is_told_and_the_bounds_hold(sound: Chain, kind: FaultKind) -> None:
+    chain, found = befallen(sound, (kind,), SLIP_S if kind in {"slide", "spin"} else 25.0)
+    chain.run(RUN_S - FAULT_S)
     require_true(chain, found)
     assert FAULTS[kind](chain, found), ([one.phase for one in chain.episodes], found.positions[-1].reason)
+
+
+def test_both_sensors_late_at_once_are_not_believed(sound: Chain) -> None:
+    chain, found = befallen(sound, ("imu_late", "tacho_late"), 25.0)
+    chain.run(RUN_S - FAULT_S)
+    require_true(chain, found)
+    assert "not believed" in found.positions[-1].reason
+    assert "not believed" not in found.positions[round(10.0 * (FAULT_S - 1.0))].reason
+
+
+@pytest.mark.parametrize("position_too", [False, True])
+def test_an_odometry_restarted_in_a_slide_is_not_believed(sound: Chain, position_too: bool) -> None:  # noqa: FBT001 - a case
+    chain, found = befallen(sound, ("slide",), 2.0 * SLIP_S)
+    chain.run(SLIP_S / 2.0)
+    restart(chain, found, position_too=position_too)
+    chain.run(4.0 * SLIP_S)
+    require_true(chain, found)
+    assert "not believed: it began anew while the wheels slipped" in found.positions[-1].reason
 
 
 def test_a_counter_that_wraps_changes_nothing() -> None:
@@ -111,14 +145,11 @@ def test_a_missing_tooth_is_a_wrong_diameter() -> None:
     require_true(chain, found)
 
 
-def test_after_a_restart_in_a_curve_the_bounds_hold_and_a_landmark_confirms() -> None:
-    found = judge_of("odometry and landmarks", facing="up", balises=False, fixes=False)
-    chain = Chain(scenario(), 3, [found])
-    chain.run(0.1)
-    chain.tell(known_start(chain, chain.truth[-1].axis_m))
+def test_after_a_restart_in_a_curve_the_bounds_hold_and_a_landmark_confirms(sound: Chain) -> None:
+    chain, found = befallen(sound, (), 0.0)
     # C01 turns with a radius of 300 m from 740 to 800 m.
     chain.run(RUN_S, until=lambda now: now.axis_m > C01_MIDDLE_M)
-    restart(chain, found)
+    restart(chain, found, position_too=True)
     begun = len(found.positions)
     chain.run(70.0)
     require_true(chain, found)
@@ -134,10 +165,12 @@ def confirmed(position: TrainPosition, chain: Chain, found: Judge) -> bool:
     return any(one.t_ns <= position.t_ns and one.origin == chain.live.origin for one in found.matches if one.accepted)
 
 
-def restart(chain: Chain, found: Judge) -> None:
-    """Start odometry, matching and position anew: what they keep on disk is what they know."""
+def restart(chain: Chain, found: Judge, *, position_too: bool) -> None:
+    """Start the odometry, and matching and position, too, anew: what they keep on disk is what they know."""
     kept = found.keeper.snapshot()
     config = found.keeper.held.config
     chain.live = LiveOdometry(chain.odometry, "T1", 2, chain.live.remembered())
+    if not position_too:
+        return
     found.keeper = PositionKeeper(config, demo_places(), kept)
     found.matching = LiveMatching(demo_landmarks(), MatchSettings(), 0.0, 0.0)

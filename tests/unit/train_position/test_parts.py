@@ -13,14 +13,13 @@ from services.train_position.branches import Branches
 from services.train_position.claims import Claim, Interval
 from services.train_position.estimate import Estimate
 from services.train_position.evaluation import Passes, Positions, Truth, judge, margin_maxima
+from services.train_position.instants import Instant, Scale
 from services.train_position.makeup import Makeup, Shift, changed
 from services.train_position.margin_plot import draw_margin, save_figure
-from services.train_position.reach import Instant, Scale
 from services.train_position.settings import AntennaPlace, Config
 from services.train_position.table_file import TableError, read_table
 from services.train_position.wheel_scale import WheelScale
-from tests.unit.train_position.made_up import Run, run_with
-from tests.unit.train_position.test_keeper import fix_of
+from tests.unit.train_position.made_up import Run, fix_of, run_with
 
 
 def instant(distance_m: float, **changes: float) -> Instant:
