@@ -10,7 +10,7 @@ import pytest
 
 from schemas.track_circuit import CircuitEvent, CircuitOccupancy, EqualiserState, SampleBlock, Telegram
 from services.simulator.track_circuit_scene import SimulatedCircuit
-from services.simulator.track_circuit_settings import Outage, TrackCircuitSettings
+from services.simulator.track_circuit_settings import Occupation, Outage, TrackCircuitSettings
 from services.track_circuit.cdma_qam import modulate_cdma_qam
 from services.track_circuit.circuit_live import CircuitMessage, LiveCircuit
 from services.track_circuit.code_table import CodeTable
@@ -91,6 +91,25 @@ def test_a_broken_rail_and_a_silent_sender_are_occupied() -> None:
         clear = run(outage(kind, 5.0, 20.0), 8.0).clear_from()
         assert clear, kind
         assert max(clear) < 6.4, kind
+
+
+def test_two_trains_one_behind_the_other_keep_the_circuit_occupied() -> None:
+    trains = (Occupation(enter_s=5.0, leave_s=7.5), Occupation(enter_s=7.0, leave_s=9.0))
+    clear = run(TrackCircuitSettings(trains=trains), 13.5).clear_from()
+    assert any(t_s < 5.0 for t_s in clear)
+    # The drop takes under a second; the pick-up at least 2.5 s from when the second train has left.
+    assert not any(5.9 < t_s < 11.5 for t_s in clear)
+    assert max(clear) > 12.5
+
+
+def test_two_trains_are_occupied_until_the_second_has_left() -> None:
+    trains = (Occupation(enter_s=6.0, leave_s=9.0), Occupation(enter_s=7.5, leave_s=11.0))
+    heard = run(TrackCircuitSettings(trains=trains), 15.5)
+    clear = heard.clear_from()
+    assert any(4.0 < t_s < 6.5 for t_s in clear)
+    assert not any(7.0 < t_s < 13.0 for t_s in clear)
+    assert max(clear) > 15.0
+    assert len(heard.events("occupied")) == 1
 
 
 def test_replayed_telegrams_are_repeated_or_old_and_do_not_keep_the_aspect() -> None:

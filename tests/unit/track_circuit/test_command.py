@@ -172,6 +172,28 @@ def test_a_cut_recording_is_told_and_used(tmp_path: Path, simulated: NDArray[np.
     assert len(rows_of(tmp_path / "t.csv")) >= 3
 
 
+@pytest.mark.parametrize(
+    ("spoil", "words"), [("clipped", "are clipped"), ("constant", "stands on the samples"), ("mute", "silence")]
+)
+def test_what_is_wrong_with_samples_is_told_and_lived_with(
+    tmp_path: Path, simulated: NDArray[np.float64], spoil: str, words: str
+) -> None:
+    """Clipping at a third of the peaks; a constant six times the signal; a first piece without any."""
+    samples = simulated / np.abs(simulated).max()
+    if spoil == "clipped":
+        samples = np.clip(3.0 * samples, -1.0, 1.0)
+    elif spoil == "constant":
+        samples = 0.1 * samples + 0.6
+    else:
+        samples = np.concatenate([np.zeros(31 * RATE_HZ), samples])
+    path = recorded(tmp_path, samples, msgspec.to_builtins(PROFILE))
+    result = asked("demodulate", path, "--out", tmp_path / "t.csv", "--json")
+    assert result.exit_code == 0, result.stderr
+    assert words in result.stderr
+    assert json.loads(result.stdout)["states"]["good"] >= 9
+    assert "bad_crc" not in json.loads(result.stdout)["states"]
+
+
 def test_other_channels_and_gaps_in_a_recording(tmp_path: Path, simulated: NDArray[np.float64]) -> None:
     path = recorded(tmp_path, simulated, msgspec.to_builtins(PROFILE))
     meta = json.loads(path.read_text())
