@@ -26,7 +26,7 @@ from services.track_circuit.lms import adapt
 from services.track_circuit.mlse import matched_outputs, sequence_soft
 from services.track_circuit.modulate import antipodal, spread
 from services.track_circuit.occupancy import Occupancy, OccupancySettings
-from services.track_circuit.occupancy_trials import ramp_trials, train_trials
+from services.track_circuit.occupancy_trials import pair_trials, ramp_trials, train_trials
 from services.track_circuit.profile import Framing
 from services.track_circuit.qam import theoretical_ber
 from services.track_circuit.receiver_demodulation import demodulate
@@ -39,7 +39,8 @@ SEED = 20261122
 BITS_PER_ROUND = 12_000
 FILTER_TAPS = 32
 TRAINS, RAMPS, RAMP_H = 10_000, 24, 2.0
-"""Random circuits with a train, and empty ones that get wet within so many hours."""
+PAIRS, PAIR_H = 100, 3.0
+"""Random circuits with a train, empty ones that get wet within so many hours, and those with two trains that dry."""
 FILTER_ROUNDS = 40
 """Of a few milliseconds each: the least of them is what the core does when nobody shares it."""
 
@@ -260,6 +261,10 @@ def occupancy() -> list[Row]:
         beside = f"smallest drop {found.smallest_drop_db:.1f} dB, threshold {settings.drop_db:g} dB"
         name, ours = f"trains undetected, {shunt_ohm:g} ohm shunt", f"{found.undetected} of {found.cases}"
         rows.append(Row(name, ours, beside, "0", reached=found.undetected == 0))
+    pairs = pair_trials(PAIRS, PAIR_H, 0.06, np.random.default_rng([SEED, 83]), settings)
+    ours, beside = f"{pairs.undetected} of {pairs.cases}", f"{pairs.released} clear without a person once both left"
+    name = f"two trains, dry within {PAIR_H:g} h, undetected"
+    rows.append(Row(name, ours, beside, "0", reached=pairs.undetected == 0))
     rain = ramp_trials(RAMPS, RAMP_H, np.random.default_rng([SEED, 82]), settings)
     ours = f"{rain.false_occupied} of {rain.ramps} ramps of {RAMP_H:g} h"
     rows.append(Row("false occupied, dry to wet", ours, "", "0 per day", reached=rain.false_occupied == 0))

@@ -29,6 +29,11 @@ class Truth:
     ballast_s_per_km: float
 
 
+def _share(train: Occupation, t_s: float) -> float:
+    """How far a train is through the circuit."""
+    return (t_s - train.enter_s) / max(train.leave_s - train.enter_s, 1e-9)
+
+
 class SimulatedCircuit:
     """Blocks of samples, one after the other."""
 
@@ -61,27 +66,30 @@ class SimulatedCircuit:
         points = self.settings.ballast
         return float(np.exp(np.interp(t_s, [p.t_s for p in points], [np.log(p.s_per_km) for p in points])))
 
-    def _train(self, t_s: float) -> Occupation | None:
-        return next((one for one in self.settings.trains if one.enter_s <= t_s < one.leave_s), None)
+    def _trains(self, t_s: float) -> list[Occupation]:
+        """Trains in the circuit, the one furthest from the sending end first."""
+        inside = [one for one in self.settings.trains if one.enter_s <= t_s < one.leave_s]
+        return sorted(inside, key=lambda one: _share(one, t_s), reverse=True)
 
     def _on(self, kind: str, t_s: float) -> bool:
         return any(one.kind == kind and one.begin_s <= t_s < one.end_s for one in self.settings.outages)
 
     def _response(self, t_s: float) -> NDArray[np.float64]:
-        settings, train = self.settings, self._train(t_s)
+        settings, trains = self.settings, self._trains(t_s)
         state: dict[str, float] = {}
         if self._on("broken_rail", t_s):
             state["broken_km"] = 0.5 * settings.length_km
-        elif train is not None:
-            share = (t_s - train.enter_s) / max(train.leave_s - train.enter_s, 1e-9)
-            state |= {"shunt_ohm": train.shunt_ohm, "shunt_km": share * settings.length_km}
+        elif trains:
+            state |= {"shunt_ohm": trains[0].shunt_ohm, "shunt_km": _share(trains[0], t_s) * settings.length_km}
+            for second in trains[1:2]:  # a third between or behind them would hardly be heard
+                state |= {"second_ohm": second.shunt_ohm, "second_km": _share(second, t_s) * settings.length_km}
         ballast = self.ballast_s_per_km(t_s)
         taps = rail_fir(settings.rail, settings.length_km, ballast, settings.sample_rate_hz, state=state)
         return settings.sending * taps
 
     def truth(self, t_s: float) -> Truth:
         """How things really are at a time."""
-        return Truth(self._train(t_s) is not None, self._on("broken_rail", t_s), self.ballast_s_per_km(t_s))
+        return Truth(bool(self._trains(t_s)), self._on("broken_rail", t_s), self.ballast_s_per_km(t_s))
 
     def step(self, start_ns: int) -> SampleBlock | None:
         """The next block, of a converter that began at `start_ns`; None while samples are lost."""
@@ -91,7 +99,7 @@ class SimulatedCircuit:
         if replaying != (self._sender.replay_from is not None):
             self._sender.replay_from = 0 if replaying else None
         sent = self._sender.samples(begin, self._count) * (not self._on("no_transmitter", t_s))
-        state = (int(t_s / WEATHER_S), self._train(t_s), self._on("broken_rail", t_s))
+        state = (int(t_s / WEATHER_S), tuple(self._trains(t_s)), self._on("broken_rail", t_s))
         received = self._filter.pass_on(sent, self._response(t_s) if state != self._state else None)
         self._state = state
         received += self._noise.block(begin, self._count)

@@ -2,13 +2,14 @@
 
 Rain moves the level of a long circuit by more than a train of poor shunt does, but slowly: so the level is compared
 with what it was lately while clear. Whatever is not certain to be clear is occupied. While a train stands long in a
-circuit, drying ballast lifts the level to where the clear one was; then only a step upwards, such as weather never
-makes, shows that it has left.
+circuit, drying ballast lifts the level to where the clear one was; then only steps upwards, such as weather never
+makes, show that it has left: as many decibels as the steps downwards of all trains that entered, one or several.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
@@ -17,10 +18,12 @@ from msgspec import Meta
 
 Positive = Annotated[float, Meta(gt=0.0)]
 HOUR_S: Final = 3_600.0
-ENTRY_S: Final = 10.0
-"""The depth of a drop is taken from this long after it began."""
+STEP_DB: Final = 2.0
+"""A level so far from its slow part has stepped."""
+STEP_S: Final = 5.0
+"""Upwards it counts as a step only if it came within this: rain may stop at once, but no ballast dries so."""
 DEPTH_TOLERANCE_DB: Final = 4.0
-"""By how much less than the drop the rise may be."""
+"""By how much less than all drops the rises may be."""
 
 
 class OccupancySettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -79,8 +82,12 @@ class Occupancy:
         self.reference_db: float | None = None
         self.clear_s: float | None = None
         """When the reference was last known to be right."""
-        self._under_db: float | None = None
-        self._depth_db = 0.0
+        self._slow_db: float | None = None
+        """Under a train: the level as followed no faster than weather moves it; None where nothing is known."""
+        self._steps_db = self._lowest_db = 0.0
+        """Sum of all steps since it was clear, and the lowest that it was."""
+        self._recent: deque[tuple[float, float]] = deque()
+        """Times and levels of the last STEP_S; the latest one always."""
         self._low_since_s: float | None = None
         self._high_since_s: float | None = None
         self._heard_s: float | None = None
@@ -119,8 +126,8 @@ class Occupancy:
         else:
             self._low_since_s = None
         if self._state == "occupied":
-            self._pick_up(level_db, below_db, t_s)
-            self._follow_under(level_db, below_db, gone_s, t_s)
+            self._follow_steps(level_db, gone_s, t_s)
+            self._pick_up(below_db, t_s)
         else:
             self._follow(level_db, gone_s, t_s)
 
@@ -132,11 +139,11 @@ class Occupancy:
         elif t_s - self._low_since_s >= self._settings.drop_s:
             self._turn("occupied", t_s, reason)
 
-    def _pick_up(self, level_db: float, below_db: float, t_s: float) -> None:
+    def _pick_up(self, below_db: float, t_s: float) -> None:
         if (
             below_db > self._settings.pick_up_db
             or (self._settings.needs_telegrams and self._overdue(t_s))
-            or not self._left(level_db, below_db, t_s)
+            or not self._left(below_db, t_s)
         ):
             self._high_since_s = None
             return
@@ -144,17 +151,17 @@ class Occupancy:
         if t_s - self._high_since_s >= self._settings.pick_up_s:
             self._turn("clear", t_s, "level and telegrams as when clear")
 
-    def _left(self, level_db: float, below_db: float, t_s: float) -> bool:
+    def _left(self, below_db: float, t_s: float) -> bool:
         """The level cannot be that of an occupied circuit which dried meanwhile."""
         moved_db = self._moved_db(t_s)
         if moved_db <= self._settings.sure_db and -below_db <= self._settings.pick_up_db + moved_db:
             return True
-        if self._under_db is None:
+        if self._slow_db is None or self._lowest_db > -self._settings.drop_db:
             self._reason = "the reference is too old to tell"
             return False
-        rise_db = max(self._settings.rise_db, self._depth_db - DEPTH_TOLERANCE_DB)
-        if level_db - self._under_db < rise_db:
-            self._reason = "the level came back without a step: weather, not a train that left"
+        rise_db = max(self._settings.rise_db, -self._lowest_db - DEPTH_TOLERANCE_DB)
+        if self._steps_db - self._lowest_db < rise_db:
+            self._reason = "the level came back without its steps: weather, not a train that left"
             return False
         return True
 
@@ -164,17 +171,23 @@ class Occupancy:
             return math.inf
         return self._settings.follow_db_per_h / HOUR_S * max(t_s - self.clear_s, 0.0)
 
-    def _follow_under(self, level_db: float, below_db: float, gone_s: float, t_s: float) -> None:
-        """The level under the train, followed no faster than weather moves it."""
-        if self._state != "occupied" or below_db <= self._settings.drop_db:
-            if self._state == "occupied" and self._under_db is not None and self._high_since_s is None:
-                self._under_db += self._limited(level_db - self._under_db, gone_s)
+    def _follow_steps(self, level_db: float, gone_s: float, t_s: float) -> None:
+        """Tell steps of the level from weather. Without samples for long nobody knows which it was."""
+        while len(self._recent) > 1 and t_s - self._recent[0][0] > STEP_S:
+            self._recent.popleft()
+        risen_db = level_db - min((level for _, level in self._recent), default=level_db)
+        self._recent.append((t_s, level_db))
+        if self._slow_db is None:
             return
-        if self._under_db is None or t_s - self._since_s < ENTRY_S:
-            self._under_db = level_db if self._under_db is None else min(self._under_db, level_db)
-            self._depth_db = max(self._depth_db, below_db)
+        if self._settings.follow_db_per_h / HOUR_S * gone_s > self._settings.sure_db:
+            self._slow_db = None
             return
-        self._under_db += self._limited(level_db - self._under_db, gone_s)
+        self._slow_db += self._limited(level_db - self._slow_db, gone_s)
+        step_db = level_db - self._slow_db
+        if abs(step_db) > STEP_DB:
+            self._steps_db += min(step_db, risen_db)
+            self._lowest_db = min(self._lowest_db, self._steps_db)
+            self._slow_db = level_db
 
     def _follow(self, level_db: float, gone_s: float, t_s: float) -> None:
         """The reference follows while certainly clear, by a bounded rate: a train's step cannot drag it along."""
@@ -192,7 +205,9 @@ class Occupancy:
 
     def _turn(self, state: Literal["clear", "occupied"], t_s: float, reason: str) -> None:
         self._state, self._since_s, self._reason = state, t_s, reason
-        self._under_db, self._depth_db = None, 0.0
+        self._slow_db = self.reference_db if state == "occupied" else None
+        self._steps_db = self._lowest_db = 0.0
+        self._recent.clear()
         self._high_since_s = None
 
     def verdict(self, t_s: float) -> Verdict:

@@ -77,12 +77,18 @@ def transfer(
     *,
     shunt_ohm: ArrayLike | None = None,
     shunt_km: ArrayLike = 0.0,
+    second_ohm: ArrayLike | None = None,
+    second_km: ArrayLike = 0.0,
     broken_km: ArrayLike | None = None,
 ) -> Complexes:
     """Voltage at the receiving impedance over that of the source, tuned units included. Arguments broadcast.
 
-    A shunt of `shunt_ohm` lies `shunt_km` from the sending end; a rail broken at `broken_km` is open there.
+    A shunt of `shunt_ohm` lies `shunt_km` from the sending end, that of a second train nearer to it; a rail broken at
+    `broken_km` is open there. Raises ValueError for a second train that is no nearer.
     """
+    if second_ohm is not None and np.any(np.asarray(second_km) > np.asarray(shunt_km)):
+        msg = "the second shunt must lie nearer to the sending end than the first"
+        raise ValueError(msg)
     gamma, wave_ohm = propagation(rail, hz, ballast_s_per_km)
     place = np.asarray(shunt_km if broken_km is None else broken_km, np.float64)
     voltage = np.ones_like(gamma)
@@ -92,6 +98,11 @@ def transfer(
         voltage = voltage + BROKEN_OHM * current
     elif shunt_ohm is not None:
         current = current + voltage / np.maximum(np.asarray(shunt_ohm, np.float64), 1e-6)
+    if second_ohm is not None and broken_km is None:
+        second = np.asarray(second_km, np.float64)
+        voltage, current = _through_line(voltage, current, gamma, wave_ohm, place - second)
+        current = current + voltage / np.maximum(np.asarray(second_ohm, np.float64), 1e-6)
+        place = second
     voltage, current = _through_line(voltage, current, gamma, wave_ohm, place)
     return np.asarray(_tuned(rail, hz) / (voltage + rail.sending_ohm * current), np.complex128)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.track_circuit.occupancy import Occupancy, OccupancySettings
-from services.track_circuit.occupancy_trials import ramp_trials, train_trials
+from services.track_circuit.occupancy_trials import pair_trials, ramp_trials, train_trials
 from services.track_circuit.rail import Rail, level_db, transfer
 
 SETTINGS = OccupancySettings()
@@ -129,6 +129,45 @@ def test_ballast_that_dries_under_a_train_does_not_clear_it() -> None:
         dry = float(level_db(transfer(rail, 12_000.0, 1.0, 0.01)))
         t_s = fed(one, dry, 7210.0, 4.0)
         assert one.verdict(t_s).state == "clear"
+
+
+def test_the_second_of_two_trains_is_not_forgotten_when_the_ballast_dried_meanwhile() -> None:
+    one, t_s = clear_circuit(-20.0)
+    t_s = fed(one, -45.0, t_s, 20.0)
+    t_s = fed(one, -65.0, t_s, 20.0)
+    for k in range(10_800):  # three hours lift the level by 24 dB
+        t_s += 1.0
+        one.telegram(t_s)
+        one.level(-65.0 + 24.0 * k / 10_800, t_s)
+    # The first leaves: a step as great as its own entry's, up to where the clear circuit was. The second stands there.
+    t_s = fed(one, -16.0, t_s, 60.0)
+    assert one.verdict(t_s).state == "occupied"
+    t_s = fed(one, 4.0, t_s, 4.0)
+    assert one.verdict(t_s).state == "clear"
+
+
+def test_weather_faster_than_ever_seen_is_no_step() -> None:
+    one, t_s = clear_circuit(-20.0)
+    t_s = fed(one, -45.0, t_s, 20.0)
+    for k in range(1800):  # 30 dB within half an hour
+        t_s += 1.0
+        one.telegram(t_s)
+        one.level(-45.0 + 30.0 * k / 1800, t_s)
+        assert one.verdict(t_s).state == "occupied"
+
+
+def test_after_a_long_gap_in_the_samples_steps_tell_nothing() -> None:
+    one, t_s = clear_circuit(-20.0)
+    t_s = fed(one, -45.0, t_s, 20.0)
+    t_s = fed(one, -20.0, t_s + 900.0, 10.0)
+    assert one.verdict(t_s).reason == "the reference is too old to tell"
+    one.confirm_clear(-20.0, t_s)
+    assert one.verdict(fed(one, -20.0, t_s, 4.0)).state == "clear"
+
+
+def test_pairs_of_trains_in_drying_circuits() -> None:
+    found = pair_trials(12, 3.0, 0.06, np.random.default_rng(3), SETTINGS)
+    assert (found.undetected, found.released) == (0, 12)
 
 
 @pytest.mark.parametrize("shunt_ohm", [0.06, 0.5])

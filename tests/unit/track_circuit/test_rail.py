@@ -80,3 +80,13 @@ def test_leakage_is_read_off_the_level() -> None:
     # Between points of the grid the level is taken as straight: 2 %.
     assert found == pytest.approx(0.2, rel=0.02)
     assert ballast_estimate(RAIL, 12_000.0, 1.0, float(dry) - 60.0, float(dry)) is None
+
+
+def test_a_second_shunt_at_the_first_ones_place_is_both_in_parallel() -> None:
+    hz = np.array([1700.0, 12_000.0])
+    both = transfer(RAIL, hz, 1.0, 0.05, shunt_ohm=0.1, shunt_km=0.4, second_ohm=0.1, second_km=0.4)
+    np.testing.assert_allclose(both, transfer(RAIL, hz, 1.0, 0.05, shunt_ohm=0.05, shunt_km=0.4), rtol=1e-12)
+    apart = transfer(RAIL, hz, 1.0, 0.05, shunt_ohm=0.1, shunt_km=0.4, second_ohm=0.1, second_km=0.1)
+    assert np.all(np.abs(apart) < np.abs(transfer(RAIL, hz, 1.0, 0.05, shunt_ohm=0.1, shunt_km=0.4)))
+    with pytest.raises(ValueError, match="nearer to the sending end"):
+        transfer(RAIL, hz, 1.0, 0.05, shunt_ohm=0.1, shunt_km=0.4, second_ohm=0.1, second_km=0.5)
