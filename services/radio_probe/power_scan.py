@@ -17,6 +17,8 @@ from services.radio_probe.settings import Band
 NS: Final = 10**9
 _HEAD: Final = 6
 _MOST_BINS: Final = 1_000_000
+_HIGHEST_HZ: Final = 1e13
+_FINEST_HZ: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +54,7 @@ def scan_line(text: str) -> ScanLine | None:
         powers = tuple(float(cell) for cell in cells[_HEAD:])
     except ValueError:
         return None
-    if not (isfinite(low_hz) and isfinite(high_hz) and 0.0 < step_hz <= high_hz - low_hz and low_hz >= 0.0):
+    if not (0.0 <= low_hz < high_hz <= _HIGHEST_HZ and _FINEST_HZ <= step_hz <= high_hz - low_hz):
         return None
     bins = max(round((high_hz - low_hz) / step_hz), 1)
     # rtl_power repeats the last bin at the end of its lines.

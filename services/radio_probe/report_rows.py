@@ -46,7 +46,10 @@ class CsvRows:
 
     def row(self, line: str) -> Row | str:
         """Cells by column, blank ones left out; words for a line that cannot be used, empty for a header."""
-        cells = [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True), [])]
+        try:
+            cells = [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True), [])]
+        except csv.Error as error:
+            return f"no CSV: {error}"
         if not self._known:
             if len(set(cells)) < len(cells) or not all(cells):
                 return "the first line names no columns"
