@@ -59,12 +59,12 @@ LEAST_CREEP: Final = 0.025
 MOST_CREEP: Final = 0.3
 """Micro-slip's standard deviation [m/s]."""
 FIRST_CREEP: Final = 0.04
-AGREEMENT_SHARE: Final = 0.01
+AGREEMENT_SHARE: Final = 0.02
 AGREEMENT: Final = 1.05
-CREEP_GAIN: Final = 0.02
+CREEP_GAIN: Final = 0.06
 """Micro-slip's variance follows the innovations: it grows while their squares exceed AGREEMENT times what the filter
 expects, and falls while they stay below."""
-FIRST_QUIET: Final = 0.2
+FIRST_QUIET: Final = 0.05
 LEAST_QUIET: Final = 0.01
 """Share of the noise seen from mean to mean that adds up over time: all of it if it is white, little of it if it
 is vibration."""
