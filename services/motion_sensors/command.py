@@ -12,8 +12,8 @@ Folder = Annotated[Path, typer.Option("--out", help="Folder of the motion log th
 
 
 def import_log(
-    kind: Annotated[str, typer.Argument(help="comma2k19 or csv.")],
-    source: Annotated[Path, typer.Argument(help="Segment folder, or CSV of the inertial sensor.")],
+    kind: Annotated[str, typer.Argument(help="comma2k19, wid or csv.")],
+    source: Annotated[Path, typer.Argument(help="Segment or trial folder, or CSV of the inertial sensor.")],
     out: Folder,
     tacho: Annotated[Path | None, typer.Option(help="csv: table with pulses or speed.")] = None,
     imu_columns: Annotated[
@@ -42,9 +42,10 @@ def import_log(
         write_motion_log,
     )
     from services.motion_sensors.mounting import axes_rotation
+    from services.motion_sensors.wid_file import read_wid
 
-    if kind not in ("comma2k19", "csv"):
-        msg = f"{kind!r} is neither comma2k19 nor csv"
+    if kind not in ("comma2k19", "wid", "csv"):
+        msg = f"{kind!r} is none of comma2k19, wid, csv"
         raise typer.BadParameter(msg)
     units = {force_unit: ("mps2", "g"), rate_unit: ("radps", "dps"), speed_unit: ("mps", "kmh")}
     for unit, known in units.items():
@@ -54,6 +55,8 @@ def import_log(
     try:
         if kind == "comma2k19":
             run = read_comma2k19(source)
+        elif kind == "wid":
+            run = read_wid(source)
         else:
             if tacho is None:
                 msg = "csv needs --tacho FILE with pulses or speed"

@@ -6,6 +6,7 @@ right, down. Tables: one CSV for the inertial sensor, one for pulses or speed, c
 
 from __future__ import annotations
 
+import gzip
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,7 +73,7 @@ def read_comma2k19(segment: Path) -> Recording:
         pulses,
         PULSES,
         WHEEL_M,
-        (truth_t - zero, _integral(truth_t, speed), speed),
+        (truth_t - zero, integral(truth_t, speed), speed),
     )
 
 
@@ -91,9 +92,9 @@ def read_tables(
     wheel_diameter_m: float = WHEEL_M,
 ) -> Recording:
     """Two CSV tables. Column names by `t`, `ax` … `gz`, and `t` with `pulses` or `speed`. Raises ImportFileError."""
-    imu = _columns(imu_path, imu_columns, ("t", "ax", "ay", "az", "gx", "gy", "gz"))
+    imu = read_columns(imu_path, imu_columns, ("t", "ax", "ay", "az", "gx", "gy", "gz"))
     named = "pulses" if "pulses" in tacho_columns else "speed"
-    tacho = _columns(tacho_path, tacho_columns, ("t", named))
+    tacho = read_columns(tacho_path, tacho_columns, ("t", named))
     zero = min(float(imu[0, 0]), float(tacho[0, 0]))
     forces = imu[:, 1:4] * UNITS[force_unit] @ rotation.T
     rates = imu[:, 4:7] * UNITS[rate_unit] @ rotation.T
@@ -111,7 +112,7 @@ def read_tables(
 def pulses_of_speed(t_s: Floats, speed_mps: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """Cumulative pulses of a wheel of WHEEL_M with PULSES, whose speed was measured; times that rise."""
     times, speeds = _rising(t_s, speed_mps[:, None])
-    return times, np.rint(_integral(times, speeds[:, 0]) * PULSES / (np.pi * WHEEL_M)).astype(np.int64)
+    return times, np.rint(integral(times, speeds[:, 0]) * PULSES / (np.pi * WHEEL_M)).astype(np.int64)
 
 
 def write_motion_log(folder: Path, run: Recording, latency_s: float, max_gradient_permille: float) -> None:
@@ -155,14 +156,14 @@ def _array(path: Path) -> NDArray[np.float64]:
     return np.asarray(array, np.float64)
 
 
-def _columns(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> NDArray[np.float64]:
+def read_columns(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> NDArray[np.float64]:
     """Wanted columns as numbers, rows with anything else left out."""
     missing = [one for one in wanted if one not in names]
     if missing:
         msg = f"{path}: say which column is {', '.join(missing)}"
         raise ImportFileError(msg)
     # Some loggers write a line `sep=,` before the header, which has the longest line after it.
-    with path.open("rb") as file:
+    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
         start = file.read(4)
     skip = 1 if start == b"sep=" else 0
     connection = duckdb.connect()
@@ -202,6 +203,6 @@ def _rising(t_s: Floats, values: NDArray[np.float64]) -> tuple[Floats, NDArray[n
     return np.ascontiguousarray(times), np.ascontiguousarray(values[first])
 
 
-def _integral(t_s: Floats, values: Floats) -> Floats:
+def integral(t_s: Floats, values: Floats) -> Floats:
     """Running integral by trapezia, from 0."""
     return np.concatenate([[0.0], np.cumsum(np.diff(t_s) * (values[1:] + values[:-1]) / 2.0)])

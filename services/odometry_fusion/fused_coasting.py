@@ -15,6 +15,8 @@ import numpy as np
 from services.odometry_fusion.fused_odometry import FusedOdometry
 from services.odometry_fusion.motion_log import Floats, MotionLog
 
+LEAST_MPS: Final = 0.5
+"""Slower, the train stands."""
 NONE_T_S: Final = np.empty(0)
 NONE_PULSES: Final = np.empty(0, np.int64)
 
@@ -31,11 +33,12 @@ def coast_errors(
     """Errors [m] of the way over `horizon_s` from starts every `every_s`, the first after `settle_s`; shape (n,).
 
     The error is that of the inertial way from the start to the end of the horizon; the wheel's pulses serve
-    until the start. Starts are left out where the truth does not reach, or where the train stands all along.
+    until the start. Starts are left out where the truth does not reach, or where the train stands: without pulses
+    it is taken to go on standing.
     """
     running = begin()
     first_s = float(log.tacho_t_s[0])
-    last_s = min(log.end_s, float(true_t_s[-1])) - horizon_s
+    last_s = min(float(log.imu_t_s[-1]), float(true_t_s[-1])) - horizon_s
     starts_s = np.arange(max(first_s + settle_s, float(true_t_s[0])), last_s, every_s)
     found, done_s = [], -np.inf
     for start_s in starts_s:
@@ -43,8 +46,7 @@ def coast_errors(
         tacho = (log.tacho_t_s > done_s) & (log.tacho_t_s <= start_s)
         rows = running.advance(float(start_s), log.imu_t_s[imu], log.imu[imu], log.tacho_t_s[tacho], log.pulses[tacho])
         done_s = float(start_s)
-        true_way_m = np.interp(start_s + horizon_s, true_t_s, true_m) - np.interp(start_s, true_t_s, true_m)
-        if not len(rows) or abs(true_way_m) < 1.0:
+        if not len(rows) or abs(float(rows.speed_mps[-1])) < LEAST_MPS:
             continue
         ahead = (log.imu_t_s > start_s) & (log.imu_t_s <= start_s + horizon_s)
         blind = deepcopy(running).advance(
