@@ -41,6 +41,8 @@ class Pass:
     noise_radps: float = YAW_NOISE_RADPS
     wheel_between: tuple[float, float, float] = (0.0, 0.0, 1.0)
     """From place, to place: wheel turns this much too fast, and nobody notices."""
+    wheel_grows_m: float = 0.0
+    """Way in which it comes to turn too fast, and back."""
     slip_between: tuple[float, float] | None = None
     turn_back_at_m: float | None = None
     generator: np.random.Generator = field(default_factory=lambda: np.random.default_rng(1))
@@ -67,7 +69,10 @@ def readings_of(one: Pass) -> tuple[list[Reading], Floats]:
         heading = heading + angle_rad(shape, u)
     fast_from, fast_to, fast = one.wheel_between
     middle = 0.5 * (u[1:] + u[:-1])
-    ratio = one.wheel_scale * np.where((middle >= fast_from) & (middle <= fast_to), fast, 1.0)
+    grown = np.where((middle >= fast_from) & (middle <= fast_to), 1.0, 0.0)
+    if one.wheel_grows_m:
+        grown = np.clip(np.minimum(middle - fast_from, fast_to - middle) / one.wheel_grows_m, 0.0, 1.0)
+    ratio = one.wheel_scale * (1.0 + (fast - 1.0) * grown)
     distance = np.concatenate([[0.0], np.cumsum(np.diff(u) * ratio)])
     yaw = np.diff(heading) / STEP_S * one.yaw_scale + one.bias_radps
     yaw = yaw + one.generator.normal(0.0, one.noise_radps, len(yaw))

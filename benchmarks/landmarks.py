@@ -144,6 +144,12 @@ def _fast_wheel_in_part(generator: np.random.Generator) -> Case:
     return replace(plain, run=replace(plain.run, wheel_between=(float(ends[0]), float(ends[1]), 1.3)))
 
 
+def _growing_wheel_in_part(generator: np.random.Generator) -> Case:
+    """As slowly as the diagnosis of leaps does not see: 2 m/s² at most."""
+    case = _fast_wheel_in_part(generator)
+    return replace(case, run=replace(case.run, wheel_grows_m=0.3 * (case.run.speed_mps + 4.0) ** 2 / 2.0))
+
+
 def _twin(generator: np.random.Generator) -> Case:
     """A like curve 150 m beyond the landmark, and a margin that reaches both; the train passes either of them."""
     plain, shape = (one := _plain(generator)), shape_of_landmark(one.landmark)
@@ -179,7 +185,10 @@ WRONG: dict[str, Callable[[np.random.Generator], Case]] = {
     "wheel +30 % in the curve": _fast_wheel,
     "twin within the window": _twin,
 }
-MIXED: dict[str, Callable[[np.random.Generator], Case]] = {"wheel +30 % in part of the curve": _fast_wheel_in_part}
+MIXED: dict[str, Callable[[np.random.Generator], Case]] = {
+    "wheel +30 % in part of the curve": _fast_wheel_in_part,
+    "wheel up to +30 % in part of the curve, slowly": _growing_wheel_in_part,
+}
 
 
 def matches_of(case: Case) -> tuple[list[Match], list[float]]:

@@ -30,6 +30,7 @@ STAGES: Final = (
     "slip",
     "gap",
     "low speed",
+    "leap",
     "no curvature",
     "reverse running",
     "entry straight",

@@ -21,6 +21,7 @@ Kind = Literal[
     "low speed",
     "reverse running",
     "gap",
+    "leap",
     "no curvature",
     "start point",
     "entry straight",
@@ -38,7 +39,7 @@ Kind = Literal[
     "branch",
     "no curve",
 ]
-DISTURBANCES: tuple[Kind, ...] = ("slip", "reverse running", "gap", "low speed", "no curvature")
+DISTURBANCES: tuple[Kind, ...] = ("slip", "reverse running", "gap", "low speed", "leap", "no curvature")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ class Verdict:
 
 
 def disturbance(passage: Passage) -> tuple[Kind, str] | None:
-    """Slip, low speed, reverse running or a gap anywhere from the straight before the curve to now."""
+    """Slip, low speed, reverse running, a gap or a leap anywhere from the straight before the curve to now."""
     reach_m = abs(passage.landmark.entry_straight_end_m - passage.landmark.entry_straight_start_m)
     begin_m = min(passage.entry_m, passage.entry_m - (passage.shape.arc_start_m - passage.shape.start_m)) - reach_m
     beyond = passage.distance_m >= begin_m

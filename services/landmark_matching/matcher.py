@@ -80,7 +80,8 @@ class Matcher:
         """What the last reading gave."""
 
     def _new_maker(self) -> SampleMaker:
-        return SampleMaker(self.settings.window_s, self.settings.lowest_speed_mps, self.settings.longest_step_s)
+        settings = self.settings
+        return SampleMaker(settings.window_s, settings.lowest_speed_mps, settings.longest_step_s, settings.leap_mps2)
 
     def restart(self) -> None:
         """Forget everything under way: the odometry counts from another zero."""

@@ -13,6 +13,8 @@ from typing import Final, NamedTuple
 KEPT_S: Final = 6.0
 """History that is kept to find when the train was at the middle of the window."""
 
+LEAP_S: Final = 0.5
+
 
 class Reading(NamedTuple):
     """One step of the odometry, in the sense of running of the leading end."""
@@ -46,7 +48,7 @@ class Sample(NamedTuple):
     window_m: float
     """Way gone during the window."""
     fault: str
-    """Empty when well; else `slip`, `low speed`, `reverse running`, `gap`, `no curvature`."""
+    """Empty when well; else `slip`, `low speed`, `reverse running`, `gap`, `leap`, `no curvature`."""
     excess_m: float
     sigma_per_m: float
 
@@ -54,11 +56,13 @@ class Sample(NamedTuple):
 class SampleMaker:
     """Turns readings into samples; remembers the last seconds."""
 
-    def __init__(self, window_s: float, lowest_speed_mps: float, longest_step_s: float) -> None:
-        """Start without history."""
+    def __init__(self, window_s: float, lowest_speed_mps: float, longest_step_s: float, leap_mps2: float) -> None:
+        """Start without history. A speed that changes faster than `leap_mps2` is a wheel's that slips unseen."""
         self._window_s = window_s
         self._lowest_mps = lowest_speed_mps
         self._longest_s = longest_step_s
+        self._leap_mps = leap_mps2 * LEAP_S
+        self._leap_until_s = -math.inf
         self._past: deque[Reading] = deque()
         self._gap_until_s = -math.inf
         self._slip_until_s = -math.inf
@@ -75,6 +79,11 @@ class SampleMaker:
             past.clear()
         if reading.slip:
             self._slip_until_s = reading.t_s + self._window_s
+        if any(
+            reading.t_s - one.t_s <= LEAP_S + 1e-9 and abs(reading.speed_mps - one.speed_mps) > self._leap_mps
+            for one in past
+        ):
+            self._leap_until_s = reading.t_s + self._window_s
         past.append(reading)
         while past[0].t_s < reading.t_s - KEPT_S:
             past.popleft()
@@ -112,6 +121,8 @@ class SampleMaker:
             return "reverse running"
         if slowest < self._lowest_mps:
             return "low speed"
+        if now.t_s <= self._leap_until_s:
+            return "leap"
         return "" if usable else "no curvature"
 
     def _distance_at(self, t_s: float) -> float:

@@ -28,5 +28,5 @@ def readings_of(rows: MotionRows) -> list[Reading]:
 
 def samples_of(readings: Sequence[Reading], settings: MatchSettings) -> list[Sample]:
     """Curvature about places, for all readings that tell any."""
-    maker = SampleMaker(settings.window_s, settings.lowest_speed_mps, settings.longest_step_s)
+    maker = SampleMaker(settings.window_s, settings.lowest_speed_mps, settings.longest_step_s, settings.leap_mps2)
     return [sample for reading in readings if (sample := maker.take(reading)) is not None]

@@ -21,6 +21,8 @@ class MatchSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """Below it curvature is not to be trusted (Iwata et al., section 3.2: 10 km/h)."""
     longest_step_s: Positive = 0.35
     """A longer time between two samples is a gap: three of ten per second may be missing."""
+    leap_mps2: Positive = 4.0
+    """Speed that changes faster (over half a second) is the wheel's, not the train's: no train brakes half as hard."""
     straight_per_m: Positive = 4e-4
     """Curvature below which track counts as straight, a radius of 2500 m; for flat curves 0.4/radius."""
     straight_share: Share = 0.9
