@@ -36,6 +36,7 @@ from services.simulator.fault_board import FaultBoard
 from services.simulator.radio_faults import Befalls
 from services.simulator.radio_lapse_file import RadioLapse
 from services.simulator.radio_scenario import RadioScenario
+from services.simulator.radio_wayside_file import WaysideRadio, WaysideRadioSettings
 from services.simulator.scenario import Scenario
 from services.simulator.scenario_file import alignment_for, read_any_scenario, train_radio_line
 from services.simulator.simulation import Simulation, utc_ns
@@ -78,12 +79,17 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """How long a whole train has been running when it is first heard: trains of a fleet follow each other."""
     track_circuits: tuple[TrackCircuitSettings, ...] = ()
     """Track circuits of a wayside site, simulated in place of a train."""
+    wayside_radio: WaysideRadioSettings | None = None
+    """A wayside radio, simulated in place of a train."""
 
 
 async def run(node: Node, config: Config) -> None:
     """Publish until stopped: GPS time is the calendar's at the start and runs on by itself from there."""
     if config.track_circuits:
         await _run_circuits(node, config.track_circuits)
+        return
+    if config.wayside_radio is not None:
+        await _run_wayside_radio(node, config.radio_device, config.wayside_radio)
         return
     scenario = await node.in_thread(lambda: read_any_scenario(config.scenario))
     seed = scenario.seed if config.seed is None else config.seed
@@ -115,6 +121,15 @@ async def _run_circuits(node: Node, circuits: tuple[TrackCircuitSettings, ...]) 
     async with asyncio.TaskGroup() as group:
         for settings in circuits:
             group.create_task(follow(settings))
+
+
+async def _run_wayside_radio(node: Node, device: str, settings: WaysideRadioSettings) -> None:
+    radio = await node.in_thread(lambda: WaysideRadio(settings))
+    arrivals = node.arrivals(MOTION_TRUTH, anywhere=True)
+    node.ready()
+    async for arrival in arrivals:
+        for reading in radio.hear(arrival.place.name, arrival.message):
+            await node.publish(RADIO_READING, reading, device=device)
 
 
 class _Pace:
@@ -290,7 +305,7 @@ async def _broadcast(node: Node, config: Config, ionosphere: Ionosphere, ephemer
 SERVICE = Service(
     "simulator",
     Config,
-    reads=(SIMULATOR_FAULT,),
+    reads=(SIMULATOR_FAULT, MOTION_TRUTH),
     writes=(
         GNSS_EPOCH,
         GNSS_EPHEMERIS,

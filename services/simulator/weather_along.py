@@ -101,4 +101,4 @@ class WeatherAlong:
 def stations(length_m: float) -> list[float]:
     """Places of the weather stations of a line, each with what lies up to REACH_M away from it."""
     count = max(round(length_m / (2.0 * REACH_M)), 1)
-    return [(k + 0.5) * length_m / count for k in range(count)]
+    return [float(round((k + 0.5) * length_m / count)) for k in range(count)]

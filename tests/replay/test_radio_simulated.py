@@ -1,0 +1,194 @@
+"""Simulated radios on a virtual bus and clock: on a train, in time-lapse, beside the line."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from schemas.codec import encode
+from schemas.gnss_time import NS, unix_ns_from_gps
+from schemas.message import Message
+from schemas.position import FaultKind, MotionTruth, SimulatorFault
+from schemas.radio import RadioMeasurement, Weather
+from schemas.topic import Place
+from schemas.topics import MOTION_TRUTH, RADIO_READING, SIMULATOR_FAULT, WEATHER
+from services.runtime.clock import ManualClock
+from services.runtime.manual_loop import ManualLoop, manual_loop
+from services.runtime.memory_node import MemoryBus, MemoryNode
+from services.runtime.node import Service
+from services.simulator.radio_wayside_file import WaysideRadioSettings
+from services.simulator.service import SERVICE, Config
+
+START_NS = unix_ns_from_gps(2412, 190_799.93)
+TRAIN = Place("demo", "train", "T1")
+DRY = """
+name = "dry"
+line = "demo"
+seed = 4
+[journey]
+start_axis_m = 250.0
+[driving]
+dwell_s = [2.0, 2.0]
+[radio]
+"""
+LAPSE = """
+name = "lapse"
+[straight]
+[radio]
+period_s = 8.0
+reach_m = 900.0
+[passes]
+days = 3
+per_day = 1
+[[faults]]
+kind = "radio_dead"
+from_day = 1.0
+to_day = 2.0
+radio = "R03"
+"""
+
+
+async def _no_run(_node: object, _config: object) -> None:
+    return
+
+
+OUTSIDE = Service(
+    "outside",
+    Config,
+    reads=(RADIO_READING, WEATHER),
+    writes=(SIMULATOR_FAULT, MOTION_TRUTH),
+    run=_no_run,
+    about="",
+)
+
+
+class Stage:
+    """The simulator under virtual time, and what its radio says."""
+
+    def __init__(self, loop: ManualLoop, place: Place, config: Config) -> None:
+        self.loop, self.heard = loop, list[Message]()
+        self.clock, self.bus = ManualClock(loop, START_NS), MemoryBus()
+        self.train = MemoryNode(self.bus, OUTSIDE, TRAIN, self.clock)
+        self.outside = MemoryNode(self.bus, OUTSIDE, place, self.clock, capacity=100_000)
+        self.task = loop.create_task(self._start(config, place))
+        loop.settle()
+
+    async def _start(self, config: Config, place: Place) -> None:
+        self.node = MemoryNode(self.bus, SERVICE, place, self.clock)
+        arrivals = self.outside.arrivals(RADIO_READING, WEATHER)
+
+        async def listen() -> None:
+            async for arrival in arrivals:
+                self.heard.append(arrival.message)
+
+        async with asyncio.TaskGroup() as group:
+            group.create_task(listen())
+            await self.node.run(config)
+            self.outside.stop()
+
+    def end(self) -> None:
+        self.node.stop()
+        self.loop.advance(2.0)
+        assert self.task.done()
+        self.task.result()
+
+    def fault(self, kind: FaultKind, **fields: Any) -> None:  # noqa: ANN401 - any field
+        message = SimulatorFault(t_ns=self.clock.now_ns(), kind=kind, **fields)
+        self.loop.create_task(self.train.publish(SIMULATOR_FAULT, message))
+        self.loop.settle()
+
+    def readings(self, radio: str = "") -> list[RadioMeasurement]:
+        return [one for one in self.heard if isinstance(one, RadioMeasurement) and (not radio or one.radio == radio)]
+
+
+def scenario(folder: Path, text: str) -> str:
+    path = folder / "scenario.toml"
+    path.write_text(text, "utf-8")
+    return str(path)
+
+
+def test_a_train_s_radio_speaks_twice_a_second_without_its_place(tmp_path: Path) -> None:
+    with manual_loop() as loop:
+        stage = Stage(loop, TRAIN, Config(scenario=scenario(tmp_path, DRY)))
+        loop.advance(10.0)
+        near = stage.readings("R01")
+        assert len(near) in (19, 20)
+        assert {one.t_ns % (NS // 2) for one in near} == {0}
+        # From 250 m on radios at 1000 m and 2500 m off it are within reach; the third stands at 5000 m.
+        assert {one.radio for one in stage.readings()} == {"R01"}
+        assert all(one.axis_m is None and one.direction is None and one.pass_id == "" for one in near)
+        weather = [one for one in stage.heard if isinstance(one, Weather)]
+        assert [one.axis_m for one in weather] == [2565.0, 7696.0, 12826.0, 17957.0, 23088.0]
+        stage.end()
+
+
+def test_radio_faults_are_switched_live(tmp_path: Path) -> None:
+    with manual_loop() as loop:
+        stage = Stage(loop, TRAIN, Config(scenario=scenario(tmp_path, DRY)))
+        loop.advance(5.0)
+        stage.fault("radio_dead", radio="R01")
+        mark = len(stage.heard)
+        loop.advance(3.0)
+        assert {one.received_ratio for one in stage.readings("R01")[-5:]} == {0.0}
+        assert stage.readings("R01")[-1].decoded_power_dbm is None
+        assert "fault_radio_dead" in stage.node.health._reasons
+        stage.fault("radio_dead", active=False)
+        loop.advance(1.0)
+        assert stage.readings("R01")[-1].received_ratio == 1.0
+        stage.fault("radio_dead")
+        loop.advance(1.0)
+        mark = len(stage.readings())
+        loop.advance(3.0)
+        assert len(stage.readings()) == mark
+        stage.fault("radio_snow", start_axis_m=0.0, end_axis_m=6000.0, duration_s=100.0)
+        loop.advance(60.0)
+        told = {one.axis_m: one for one in stage.heard if isinstance(one, Weather)}
+        assert [bool(one.snow_mm_per_h) for one in told.values()][:2] == [True, False]
+        stage.end()
+
+
+def test_time_lapse_takes_pass_after_pass_with_its_place(tmp_path: Path) -> None:
+    def once() -> list[bytes]:
+        with manual_loop() as loop:
+            stage = Stage(loop, TRAIN, Config(scenario=scenario(tmp_path, LAPSE), speed=400.0))
+            loop.advance(60.0)
+            passes = {one.pass_id: one.direction for one in stage.readings()}
+            assert len(passes) == 3
+            assert list(passes.values()) == ["up"] * 3
+            assert all(name.startswith("T1-") for name in passes)
+            newest = max(one.t_ns for one in stage.readings())
+            assert 0 < START_NS - newest < 2 * 86_400 * NS
+            third = [one for one in stage.readings("R03") if one.received_ratio == 0.0]
+            assert {one.pass_id for one in third} == {list(passes)[1]}
+            assert stage.node.health.counts["passes"] == 3
+            stage.end()
+            return [encode(one) for one in stage.heard]
+
+    first = once()
+    assert len(first) > 100
+    assert once() == first
+
+
+def test_a_wayside_radio_hears_the_trains_that_pass() -> None:
+    with manual_loop() as loop:
+        settings = WaysideRadioSettings(site="R02")
+        stage = Stage(loop, Place("demo", "wayside", "R02"), Config(wayside_radio=settings))
+        for tick in range(200):
+            axis_m = 200.0 + 2.0 * tick * 10
+            truth = MotionTruth(
+                t_ns=START_NS + tick * NS // 10, axis_m=axis_m, chainage_m=axis_m, distance_m=axis_m, speed_mps=20.0,
+                acceleration_mps2=0.0, slip=0, gradient_permille=0.0, curvature_per_m=0.0,
+            )  # fmt: skip
+            loop.create_task(stage.train.publish(MOTION_TRUTH, msgspec.structs.replace(truth)))
+            loop.advance(0.1)
+        got = stage.readings()
+        assert {(one.radio, one.train, one.side) for one in got} == {("R02", "T1", "wayside")}
+        # The site stands at 3000 m and hears 2500 m far: from 500 m on, twice a second.
+        assert len(got) == len({one.t_ns for one in got})
+        assert 34 <= len(got) <= 38
+        best = max(got, key=lambda one: one.channel_power_dbm or -999.0)
+        assert abs((best.t_ns - START_NS) / NS - 14.0) < 3.0
+        stage.end()
