@@ -118,7 +118,7 @@ def _draw_over_time(axes: Axes, received: Received, starts_s: Sequence[float], r
             continue
         times = start_s + piece.sample / rate_hz
         changed = np.flatnonzero(np.diff(piece.evm_db, prepend=np.nan) != 0.0)
-        for values, color, words in ((piece.level_db, MENDED, "level of CH2"), (piece.evm_db, ERROR, "EVM")):
+        for values, color, words in ((piece.level_db, MENDED, "level"), (piece.evm_db, ERROR, "EVM")):
             label = words if k == 0 else None
             axes.plot(times[changed], values[changed], color=color, linewidth=1.0, drawstyle="steps-post", label=label)
             lowest = min(lowest, float(values.min()))
@@ -199,12 +199,22 @@ def checked_picture(path: Path) -> str:
     return kind
 
 
+def _settle(figure: Figure) -> None:
+    """Lay out once and round: the layout's solver differs in the last digit from time to time, and names follow."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        x, y, width, height = (round(float(one), 5) for one in axes.get_position(original=True).bounds)
+        axes.set_position((x, y, width, height))
+
+
 def save_picture(path: Path, figure: Figure) -> None:
     """Write a figure whole or not at all. Raises ValueError, OSError."""
     kind = checked_picture(path)
     part = path.with_name(f".{path.name}.part")
     with mpl.rc_context({"svg.hashsalt": "kirotei", "svg.fonttype": "none", "font.family": "DejaVu Sans"}):
         FigureCanvasAgg(figure)
+        _settle(figure)
         try:
             figure.savefig(part, format=kind, metadata={"Date": None} if kind == "svg" else {"Software": None})
             part.replace(path)

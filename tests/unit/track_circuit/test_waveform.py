@@ -11,6 +11,7 @@ import pytest
 
 from services.simulator.track_circuit_scene import SimulatedCircuit
 from services.simulator.track_circuit_settings import TrackCircuitSettings
+from services.track_circuit.cdma_qam import modulate_cdma_qam
 from services.track_circuit.circuit_reception import Received, receive_recording
 from services.track_circuit.circuit_samples import Recording, Stretch
 from services.track_circuit.fsk import keyed
@@ -99,7 +100,16 @@ def test_a_coded_recording_is_drawn_and_an_empty_one_refused(tmp_path: Path) -> 
         save_picture(tmp_path / "code.pdf", draw_reception(received, read, profile))
 
 
-def test_recordings_with_gaps_and_other_schemes_are_drawn(tmp_path: Path, simulated: Recording) -> None:
+def test_a_constellation_of_cdma_qam_is_drawn(tmp_path: Path) -> None:
+    profile = Profile(scheme="cdma-qam", pulse="root-raised-cosine")
+    bits = np.random.default_rng(3).integers(0, 2, 8 * profile.bits_per_block).astype(np.int8)
+    read = recording_of(0.2 * modulate_cdma_qam(bits, profile, RATE_HZ))
+    received = receive_recording(read, profile, circuit="T1")
+    save_picture(tmp_path / "points.svg", draw_reception(received, read, profile))
+    assert b"constellation" in (tmp_path / "points.svg").read_bytes()
+
+
+def test_a_recording_with_a_gap_is_drawn(tmp_path: Path, simulated: Recording) -> None:
     samples = np.asarray(simulated.samples, np.float64)
     half = len(samples) // 2
     stretches = (Stretch(0, half, 0, 0), Stretch(half, len(samples), half + 5000, 0))
