@@ -13,7 +13,8 @@ LEAST_BATCH_BYTES = 2 * 1024
 MOST_BATCH_BYTES = 512 * 1024
 GROWTH = 2.0
 """A batch is at most this many times the one before, so that one lucky answer does not fill a slow link."""
-MOST_TIMEOUT_S = 60.0
+MOST_TIMEOUT_S = 20.0
+"""After an outage an attempt that was swallowed by it may hold its lane up for so long."""
 
 
 @dataclass(slots=True)
@@ -21,9 +22,9 @@ class Pace:
     """Size of batches, time-outs and back-off of one lane.
 
     A batch is sized from how long the last ones took from being sent to being acknowledged, so
-    that each takes about `aim_s`, whatever the link gives. An answer that does not come shrinks
-    the batch to a quarter and doubles the patience, up to a minute: a link of a few kbit/s or of
-    many seconds' delay gets through in the end. Between vain attempts passes `first_wait_s`,
+    that each takes about `aim_s`, whatever the link gives. An answer that does not come in
+    time shrinks the batch to a quarter and doubles the patience, up to twenty seconds: a link of a
+    few kbit/s or of many seconds' delay gets through in the end. Between vain attempts passes `first_wait_s`,
     doubled each time up to `most_wait_s`, and of that a random half to whole (so that a fleet
     that lost its cloud together does not come back together).
     """
@@ -53,10 +54,11 @@ class Pace:
         bounded = min(max(wanted, self.batch_bytes / GROWTH), self.batch_bytes * GROWTH)
         self.batch_bytes = round(min(max(bounded, LEAST_BATCH_BYTES), MOST_BATCH_BYTES))
 
-    def unanswered(self) -> float:
-        """How long to wait before the next attempt [s], after one without answer."""
-        self.batch_bytes = max(LEAST_BATCH_BYTES, self.batch_bytes // 4)
-        self.patience_s = min(MOST_TIMEOUT_S, 2.0 * self.patience_s)
+    def unanswered(self, took_s: float) -> float:
+        """How long to wait before the next attempt [s], after one that ended without answer in `took_s`."""
+        if took_s >= self.patience_s:  # sooner: nobody was there, which says nothing about size and patience
+            self.batch_bytes = max(LEAST_BATCH_BYTES, self.batch_bytes // 4)
+            self.patience_s = max(self.timeout_s, min(MOST_TIMEOUT_S, 2.0 * self.patience_s))
         return self.refused()
 
     def refused(self) -> float:

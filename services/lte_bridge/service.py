@@ -218,7 +218,7 @@ class Sender:
         except NoAnswerError as error:
             self.node.health.count("unanswered")
             self.progress.faults[lane] = str(error)
-            return pace.unanswered()
+            return pace.unanswered(clock.monotonic_s() - began_s)
         except RefusedError as error:
             self.node.health.count("refused_batches")
             self.progress.faults[lane] = f"the far end refused: {error}"

@@ -46,14 +46,17 @@ def test_a_batch_never_grows_to_more_than_double() -> None:
 
 def test_without_answer_batches_shrink_patience_grows_and_pauses_double() -> None:
     one = pace()
-    pauses = [one.unanswered() for _ in range(8)]
+    pauses = [one.unanswered(20.0) for _ in range(8)]
     for pause, whole in zip(pauses, [0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0], strict=True):
         assert whole / 2 <= pause <= whole
     assert one.batch_bytes == LEAST_BATCH_BYTES
     assert one.patience_s == MOST_TIMEOUT_S
     one.acknowledged(2048, 0.1)
     assert (one.failures, one.patience_s) == (0, 5.0)
-    one.unanswered()
+    size = one.batch_bytes
+    one.unanswered(0.1)
+    assert (one.batch_bytes, one.patience_s) == (size, 5.0), "nobody was there"
+    one.unanswered(5.0)
     one.acknowledged(2048, 4.0)
     assert one.patience_s == 10.0, "a link that takes seconds keeps the patience that it needs"
 
