@@ -200,7 +200,7 @@ TRACK_CONFIRMATION = Topic(
 RADIO_READING = Topic(
     "{kind}/{place}/radio/{device}/reading",
     radio.RadioMeasurement,
-    Delivery.STREAM,
+    Delivery.EVENT,
     2.0,
     "what a radio device itself reports, before its place is joined",
 )

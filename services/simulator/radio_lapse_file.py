@@ -22,6 +22,8 @@ from services.simulator.weather_along import stations
 class Lapsed:
     """One pass and its weather."""
 
+    day: int
+    """Counted from 0."""
     begin_s: float
     weather: tuple[Weather, ...]
     taken: RadioPass
@@ -65,4 +67,4 @@ class RadioLapse:
         places = stations(self._world.line.length_m)
         weather = tuple(self._world.weather.message(round(start_s) * NS, axis_m, every) for axis_m in places)
         self._number += 1
-        return Lapsed(start_s, weather, taken, self._world)
+        return Lapsed(number // scenario.passes.per_day, start_s, weather, taken, self._world)
