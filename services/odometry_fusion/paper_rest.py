@@ -8,8 +8,10 @@ from services.odometry_fusion.tick_layout import Records
 
 REST_TICKS = 20
 """The wheel has not turned for so long."""
-MOST_RATE_RADPS = 0.02
-"""A vehicle at rest turns less, biases included."""
+MOST_RATE_RADPS = 0.05
+"""A vehicle at rest turns less, biases included: those of cheap sensors reach 0.02 rad/s and more."""
+STILL_M = 0.003
+"""In a tick: no pulse, or the noise of a counter that is made of a measured speed."""
 LONGEST_MEAN_S = 20.0
 SURE_S = 3.0
 """By then the brakes' last force is out of the moving average."""
@@ -34,7 +36,7 @@ def watch_rest(ticks: Records, at: int, no_pulses: bool, state: Records) -> bool
     The wheel alone cannot tell standing from sliding with locked wheels; this is only asked while it adheres.
     """
     now, tick = state[0], ticks[at]
-    still = at > 0 and tick.way_m == ticks[at - 1].way_m and not no_pulses
+    still = at > 0 and abs(tick.way_m - ticks[at - 1].way_m) < STILL_M and not no_pulses
     steady = max(abs(tick.gx_radps), abs(tick.gy_radps), abs(tick.gz_radps)) < MOST_RATE_RADPS
     now.rest_ticks = now.rest_ticks + 1 if still and steady else 0
     if now.rest_ticks < REST_TICKS or tick.imu_missing_s > 0.3:  # noqa: PLR2004 - as long as samples are bridged

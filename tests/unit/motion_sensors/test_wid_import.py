@@ -91,7 +91,7 @@ def test_a_trial_becomes_a_recording_on_one_clock(tmp_path: Path) -> None:
     assert wheel_mps == pytest.approx(speed_at(starts_s + 1.0 / RATE_HZ), abs=0.05)
     assert run.truth is not None
     true_t_s, true_m, _ = run.truth
-    # 18 m, 72 m and 15 m until the stop; a fix is 0.2 s apart from the next at up to 6 m/s, steps below 0.03 m left out.
+    # 18 m, 72 m and 15 m until the stop; fixes are 0.2 s apart at up to 6 m/s, steps below 0.03 m are left out.
     assert np.interp(40.0, true_t_s, true_m) == pytest.approx(105.0, abs=0.3)
     assert np.median(run.imu[:, 2]) == pytest.approx(9.8, abs=0.01)
     assert np.median(run.imu[:, 1]) == pytest.approx(-0.2, abs=0.01)

@@ -142,3 +142,21 @@ def test_the_grid_takes_jitter_off_and_survives_missing_and_outlying_counts() ->
     assert (np.diff(found_s) > 0.0).all()
     # A mean over some fifty stamps of 8 ms is good to 8 ms / √25.
     assert np.abs(found_s - true_s)[100:].max() < 0.005
+
+
+def test_a_counter_made_of_a_noisy_speed_and_biased_gyros_still_show_a_standstill() -> None:
+    log, t_s, distance_m = run_of(slip_mps=4.0)
+    rng = np.random.default_rng(4)
+    # 5 mm/s of noise in the speed, as of a gyro on the wheel; 1 °/s of bias, as of a cheap sensor.
+    way_m = log.pulses * PULSE_M + np.cumsum(rng.normal(0.0, 0.005, len(log.pulses))) * 0.1
+    fine = replace(
+        log,
+        pulses=np.rint(way_m * 1e4 / (np.pi * 0.6)).astype(np.int64),
+        pulses_per_revolution=1e4,
+        wheel_diameter_m=0.6,
+        imu=log.imu + np.array([0.0, 0.0, 0.0, -0.017, 0.017, 0.0]),
+    )
+    rows = run_log(fine, CONFIG)
+    assert rows.standstill[(rows.t_s > 4.0) & (rows.t_s < 9.0)].all()
+    assert held(rows, t_s, distance_m)
+    assert abs(errors_of(rows, t_s, distance_m)[-1]) < 3.0
