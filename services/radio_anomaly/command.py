@@ -20,6 +20,7 @@ ModelFile = Annotated[Path, typer.Option("--model", help="Model file (JSON).")]
 PlotFile = Annotated[Path | None, typer.Option("--plot", help="Picture: .png, .svg or .pdf.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 TABLE_ROWS = 40
+NAMED_PASSES = 5
 
 
 @app.command()
@@ -69,6 +70,7 @@ def analyse(
     passes: PassesFile,
     model: ModelFile,
     out: Annotated[Path, typer.Option("--out", help="events.csv to write.")],
+    weather: Annotated[Path | None, typer.Option(help="weather.csv: time, axis_m, snow_mm_per_h …")] = None,
     plot: PlotFile = None,
     *,
     update: Annotated[bool, typer.Option("--update", help="Keep in the model file what was learned.")] = False,
@@ -88,7 +90,12 @@ def analyse(
 
         known = read_model(model)
         rows = read_passes(passes)
-        found = analysed(rows.readings, known)
+        sky = []
+        if weather is not None:
+            from services.radio_anomaly.weather_file import read_weather
+
+            sky = read_weather(weather)
+        found = analysed(rows.readings, known, sky)
         write_events(out, found.events)
         if update:
             write_model(model, found.model)
@@ -186,7 +193,8 @@ def acceptances(model: ModelFile, *, as_json: Json = False) -> None:
             typer.echo(
                 f"{word.acceptance_id}  {'revoked' if word.revoked else 'accepted'}  {word.radio} "
                 f"{word.channel or '*'} {word.direction or 'both'}  "
-                f"{word.section_start_m:.0f}-{word.section_end_m:.0f} m  since {time_text(word.since_ns)[:10]}  by {word.by}: {word.why}"
+                f"{word.section_start_m:.0f}-{word.section_end_m:.0f} m  since {time_text(word.since_ns)[:10]}  "
+                f"by {word.by}: {word.why}"
             )
 
 
@@ -223,8 +231,14 @@ def _say_learned(model: RadioModel) -> None:
             f"held out in {evidence.folds} folds: {evidence.reported} of {evidence.cells} normal pass-sections "
             f"reported, {evidence.rate:.2%} (95 %: up to {evidence.rate_high:.2%})"
         )
-        for name in evidence.suspicious:
-            typer.echo(f"pass {name} is not like the others: was everything normal?")
+        if evidence.suspicious:
+            more = (
+                f" and {len(evidence.suspicious) - NAMED_PASSES} more"
+                if len(evidence.suspicious) > NAMED_PASSES
+                else ""
+            )
+            names = ", ".join(evidence.suspicious[:NAMED_PASSES])
+            typer.echo(f"not like the others, was everything normal on them? {names}{more}")
 
 
 def _say_events(found: Analysis, model: RadioModel) -> None:

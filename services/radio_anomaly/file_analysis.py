@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from schemas.radio import BinSums, RadioEvent
+from schemas.radio import BinSums, RadioEvent, Weather
 from services.radio_anomaly import paper
 from services.radio_anomaly.baseline import Sums
 from services.radio_anomaly.held_out import held_out
@@ -17,6 +17,7 @@ from services.radio_anomaly.radio_model import Origin, RadioModel, evidence_of, 
 from services.radio_anomaly.raising import Raiser
 from services.radio_anomaly.reading import Reading
 from services.radio_anomaly.settings import Method, Settings
+from services.radio_anomaly.weather_map import WeatherDiary
 
 SAMPLE = "sample"
 """Quantity under which the paper's sums are kept: of samples, not of passes."""
@@ -65,8 +66,11 @@ def origin_of(passes: Sequence[Sequence[Reading]], source: str, refused: Counter
     )
 
 
-def analyse(readings: Iterable[Reading], model: RadioModel) -> Analysis:
-    """Events of passes in their order of time, each learned from at the end of its day where it was normal."""
+def analyse(readings: Iterable[Reading], model: RadioModel, weather: Iterable[Weather] = ()) -> Analysis:
+    """Events of passes in their order of time, each learned from at the end of its day where it was normal.
+
+    `weather` in order of time; its places are taken for kilometrage.
+    """
     passes, left = sorted_passes(readings, model.settings)
     if model.method == "paper":
         return Analysis(
@@ -82,8 +86,9 @@ def analyse(readings: Iterable[Reading], model: RadioModel) -> Analysis:
     events: list[RadioEvent] = []
     learning: Counter[str] = Counter()
     journeys = [binned(one, model.settings) for one in passes]
+    diary = WeatherDiary(weather)
     for journey in journeys:
-        told, judgement = raiser.take(journey)
+        told, judgement = raiser.take(journey, diary.sky(journey.last_ns))
         events += told
         learning.update(f"{radio} {channel}" for radio, channel in judgement.learning)
     return Analysis(

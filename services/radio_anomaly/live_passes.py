@@ -6,7 +6,6 @@ from typing import Final
 
 import msgspec
 
-from schemas.radio import Weather
 from services.radio_anomaly.passes import period_of, section_of
 from services.radio_anomaly.reading import Reading
 from services.radio_anomaly.settings import Settings
@@ -14,8 +13,6 @@ from services.radio_anomaly.settings import Settings
 MOST_READINGS: Final = 200_000
 """Of one pass; a longer one is cut in two."""
 MOST_SOURCES: Final = 2_000
-WEATHER_HOLDS_NS: Final = 3 * 3_600_000_000_000
-MOST_WEATHER: Final = 500
 
 
 class LivePass(msgspec.Struct, kw_only=True):
@@ -30,7 +27,8 @@ class LivePass(msgspec.Struct, kw_only=True):
     section: int | None = None
     sections_since: int = 0
     """Sections finished since the pass was judged last."""
-    axis_m: float | None = None
+    offset_m: float | None = None
+    """Axis less kilometrage where it was last."""
     left_out: int = 0
     """Readings that a clock or a place that jumps, or repeating, spoiled."""
     told: dict[str, bool] = msgspec.field(default_factory=dict)
@@ -72,7 +70,8 @@ class LivePasses:
         found = self.under_way[source]
         found.readings.append(reading)
         found.heard_s = now_s
-        found.axis_m = axis_m if axis_m is not None else found.axis_m
+        if axis_m is not None and reading.chainage_m is not None:
+            found.offset_m = axis_m - reading.chainage_m
         if reading.chainage_m is not None:
             here = section_of(reading.chainage_m, self._settings.section_m)
             if found.section is not None and here != found.section:
@@ -90,33 +89,3 @@ class LivePasses:
         found = list(self.under_way.values())
         self.under_way.clear()
         return found
-
-
-class WeatherMap:
-    """The last word on the weather by place."""
-
-    def __init__(self) -> None:
-        """None."""
-        self._words: dict[float, Weather] = {}
-
-    def take(self, word: Weather) -> None:
-        """Keep it in place of an older one there."""
-        before = self._words.get(word.axis_m)
-        if before is None or word.t_ns >= before.t_ns:
-            self._words[word.axis_m] = word
-        if len(self._words) > MOST_WEATHER:
-            del self._words[min(self._words, key=lambda axis_m: self._words[axis_m].t_ns)]
-
-    def at(self, axis_m: float | None, t_ns: int) -> Weather | None:
-        """Weather that holds at a place and time, the nearest; for a train without a place, the newest."""
-        near = [
-            word
-            for word in self._words.values()
-            if abs(word.t_ns - t_ns) <= WEATHER_HOLDS_NS
-            and (axis_m is None or abs(word.axis_m - axis_m) <= word.reach_m)
-        ]
-        if not near:
-            return None
-        if axis_m is None:
-            return max(near, key=lambda word: (word.t_ns, -word.axis_m))
-        return min(near, key=lambda word: (abs(word.axis_m - axis_m), word.axis_m))

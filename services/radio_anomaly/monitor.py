@@ -8,9 +8,10 @@ from typing import Final
 
 import msgspec
 
-from schemas.radio import RadioAcceptance, Weather
+from schemas.radio import RadioAcceptance
 from services.radio_anomaly.acceptance import Acceptances
 from services.radio_anomaly.baseline import Mask
+from services.radio_anomaly.cause import snowing
 from services.radio_anomaly.event_book import EventBook
 from services.radio_anomaly.passes import Bin, Journey, plain
 from services.radio_anomaly.precursor import Point, Trend, TrendMemory, drifts, held_back, trend_of, trend_points
@@ -19,6 +20,7 @@ from services.radio_anomaly.reception_curve import ReceptionCurve
 from services.radio_anomaly.settings import Settings
 from services.radio_anomaly.steps import Finding, Stream, WindowMemory, find_steps, window_sums
 from services.radio_anomaly.stream_state import FOLLOWED, TESTED, StreamState, View, mean_temperature, view_of
+from services.radio_anomaly.weather_map import Sky, no_weather
 from services.radio_anomaly.window_test import Correlation, WindowSum
 
 RadioChannel = tuple[str, str]
@@ -147,9 +149,11 @@ class Monitor:
                     continue
                 stream = (quantity, *key)
                 views[stream] = view
-                if quantity in TESTED:
+                if self._tested(stream, views):
                     sums[stream] = window_sums(view.tests, self.settings)
-                    findings += find_steps(stream, sums[stream], self.windows, self.settings)
+                    findings += find_steps(stream, sums[stream], view.extent, self.windows, self.settings)
+                if quantity == "decoded" and stream not in sums:
+                    continue
                 points[stream] = trend_points(view.tests, journey.first_ns, self.settings)
                 trends += [
                     trend
@@ -167,11 +171,17 @@ class Monitor:
             learning=tuple(learning),
         )
 
+    def _tested(self, stream: Stream, views: dict[Stream, View]) -> bool:
+        """Whether its windows are: one power a radio, channel power before decoded power, and reception."""
+        if stream[0] == "decoded":
+            return ("power", *stream[1:]) not in views
+        return stream[0] in TESTED
+
     def _trend(self, stream: Stream, window: tuple[int, int], point: Point) -> Trend | None:
         series = self.trend_memory.series(stream, *window, point)
         return trend_of(stream, window, series, self.settings)
 
-    def commit(self, journey: Journey, judgement: Judgement, weather: Weather | None = None) -> None:
+    def commit(self, journey: Journey, judgement: Judgement, sky: Sky = no_weather) -> None:
         """Remember the pass for the ones to come, and lay it aside for learning at the end of the day.
 
         To be called once the events of the pass are in the book. What weather explains is not learned.
@@ -183,13 +193,12 @@ class Monitor:
         self.presence.remember(journey, judgement.silences)
         if self.pending and self.pending[-1][0].day != journey.day:
             self.end_day()
-        self.pending.append((journey, self._withheld(journey, judgement, weather)))
+        self.pending.append((journey, self._withheld(journey, judgement, sky)))
 
-    def _withheld(
-        self, journey: Journey, judgement: Judgement, weather: Weather | None
-    ) -> dict[RadioChannel, frozenset[int]]:
+    def _withheld(self, journey: Journey, judgement: Judgement, sky: Sky) -> dict[RadioChannel, frozenset[int]]:
         """Sections that may not be normal, by radio and channel."""
         found: defaultdict[RadioChannel, set[int]] = defaultdict(set)
+        snowed = [section for section in journey.passed if snowing(sky(self.middle_m(journey, section)))]
         for finding in judgement.findings:
             found[(finding.radio, finding.channel)].update(range(finding.start, finding.start + finding.length))
         for silence in judgement.silences:
@@ -200,9 +209,12 @@ class Monitor:
                 found[(trend.radio, trend.channel)].update(whole)
         for key in by_stream(journey):
             found[key].update(section for section in journey.passed if self.events.held(*key, section))
-            if weather is not None and not _dry(weather):
-                found[key].update(journey.passed)
+            found[key].update(snowed)
         return {key: frozenset(sections) for key, sections in found.items() if sections}
+
+    def middle_m(self, journey: Journey, section: int) -> float | None:
+        """Kilometrage of a section's middle; None at a site."""
+        return (section + 0.5) * self.settings.section_m if journey.direction else None
 
     def end_day(self) -> None:
         """Learn what was laid aside."""
@@ -223,7 +235,3 @@ def by_stream(journey: Journey) -> dict[RadioChannel, list[Bin]]:
 
 def _touches(start: int, length: int, first: int, past: int) -> bool:
     return length == 0 or (start < past and first < start + length)
-
-
-def _dry(weather: Weather) -> bool:
-    return not (weather.snow_mm_per_h or weather.snow_depth_cm)

@@ -123,7 +123,7 @@ def _reading(row: dict[str, str], present: tuple[str, ...]) -> Reading:
             reason = f"{name} empty or too long"
             raise _RefusedError(reason, f"{reason}: {row[name][:70]!r}")
     return Reading(
-        t_ns=_time_ns(row["time"]),
+        t_ns=time_ns(row["time"]),
         pass_id=row["pass_id"],
         radio=row["radio"],
         channel=row["channel"],
@@ -149,7 +149,8 @@ def _number(name: str, text: str) -> float | None:
     return value
 
 
-def _time_ns(text: str) -> int:
+def time_ns(text: str) -> int:
+    """Unix time of an ISO 8601 time with zone. Raises ValueError."""
     try:
         when = datetime.fromisoformat(text)
     except ValueError:

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final, Literal
 
 import msgspec
-import numpy as np
 
-from schemas.radio import Kind, RadioEvent, Weather
+from schemas.radio import Kind, RadioEvent
 from services.radio_anomaly.cause import Circumstances, cause_of
 from services.radio_anomaly.event_book import OpenEvent
 from services.radio_anomaly.monitor import Judgement, Monitor, by_stream
+from services.radio_anomaly.off_shares import OffShares
 from services.radio_anomaly.passes import Journey, plain
 from services.radio_anomaly.precursor import Loss, Trend, expected_loss
 from services.radio_anomaly.presence import Silence
-from services.radio_anomaly.steps import Finding, Stream
+from services.radio_anomaly.steps import Finding
 from services.radio_anomaly.stream_state import POWERS, View, transmit_change
+from services.radio_anomaly.stretch_figures import band, change_over, clearest
+from services.radio_anomaly.weather_map import Sky, no_weather
 
-OFF_SCORE: Final = 1.0
-"""A section this many standard deviations off the same way counts as going with an event."""
 UNITS: Final = {
     "power": "dB",
     "decoded": "dB",
@@ -54,24 +53,40 @@ class Raiser:
     def __init__(self, monitor: Monitor, evidence: Evidence) -> None:
         """For a monitor and the evidence of its model."""
         self._monitor, self._evidence = monitor, evidence
+        self._shares: OffShares | None = None
 
-    def take(self, journey: Journey, weather: Weather | None = None) -> tuple[list[RadioEvent], Judgement]:
+    def take(self, journey: Journey, sky: Sky = no_weather) -> tuple[list[RadioEvent], Judgement]:
         """Judge a pass, tell its events (also those that ended), and remember it."""
         judgement = self._monitor.judge(journey)
-        told = self.events_of(journey, judgement, weather)
+        told = self.events_of(journey, judgement, sky)
         told += [self._ended(journey, one) for one in self._monitor.events.close(journey)]
-        self._monitor.commit(journey, judgement, weather)
+        self._monitor.commit(journey, judgement, sky)
         return told, judgement
 
-    def events_of(self, journey: Journey, judgement: Judgement, weather: Weather | None = None) -> list[RadioEvent]:
+    def events_of(self, journey: Journey, judgement: Judgement, sky: Sky = no_weather) -> list[RadioEvent]:
         """Events of a pass, or of the part of it that was driven."""
+        self._shares = OffShares(judgement)
         told = [
-            self._step(journey, judgement, finding, weather)
+            self._step(journey, judgement, finding, sky)
             for finding in judgement.findings
-            if not self._said_better(finding, judgement)
+            if not self._said_better(finding, judgement) and not self._harmless(finding, judgement)
         ]
-        told += [self._missing(journey, judgement, silence, weather) for silence in judgement.silences]
-        return told + [self._trend(journey, judgement, trend, weather) for trend in clearest(judgement.trends)]
+        told += [self._missing(journey, judgement, silence, sky) for silence in judgement.silences]
+        return told + [
+            self._trend(journey, judgement, trend, sky)
+            for trend in clearest(judgement.trends)
+            if not self._stepped(journey, trend)
+        ]
+
+    def _stepped(self, journey: Journey, trend: Trend) -> bool:
+        """Whether half of its stretch is in a confirmed step that is known already, and it was no trend before."""
+        mine = [one for one in self._monitor.events.open if (one.radio, one.channel) == (trend.radio, trend.channel)]
+        sections = range(trend.start, trend.start + trend.length) if trend.length else journey.passed
+        if any(one.kind == "trend" and (not one.length or one.covers(sections[0])) for one in mine):
+            return False
+        steps = [one for one in mine if one.kind in ("above", "below") and one.confirmed]
+        covered = sum(any(one.covers(section) for one in steps) for section in sections)
+        return 2 * covered >= len(sections)
 
     def _said_better(self, finding: Finding, judgement: Judgement) -> bool:
         """A fall of one quantity that a clearer finding of another tells of already."""
@@ -85,7 +100,15 @@ class Raiser:
             for other in judgement.findings
         )
 
-    def _step(self, journey: Journey, judgement: Judgement, finding: Finding, weather: Weather | None) -> RadioEvent:
+    def _harmless(self, finding: Finding, judgement: Judgement) -> bool:
+        """Reception that changed, but is better than before or still good enough."""
+        if finding.quantity != "reception":
+            return False
+        view = judgement.views[(finding.quantity, finding.radio, finding.channel)]
+        now = float(view.values[view.over(finding.start, finding.length)].mean())
+        return finding.score > 0.0 or plain("reception", now) >= self._monitor.settings.least_received_ratio
+
+    def _step(self, journey: Journey, judgement: Judgement, finding: Finding, sky: Sky) -> RadioEvent:
         kind = _kind(finding)
         stretch = (finding.start, finding.length)
         event, phase = self._monitor.events.see(
@@ -94,7 +117,7 @@ class Raiser:
         view = judgement.views[(finding.quantity, finding.radio, finding.channel)]
         rows = view.over(*stretch)
         value, lower, upper = band(view, rows, self._monitor.settings.k)
-        seen = self.circumstances(journey, judgement, kind, finding.radio, finding.channel, stretch, weather)
+        seen = self.circumstances(journey, judgement, kind, finding.radio, finding.channel, stretch, sky)
         cause, why = cause_of(seen)
         passes = int(view.residuals.passes[rows].mean().round())
         words = self._step_words(finding, (value, lower, upper), passes)
@@ -127,12 +150,12 @@ class Raiser:
             f"{seen}, learned from {passes} passes{sure}"
         )
 
-    def _missing(self, journey: Journey, judgement: Judgement, silence: Silence, weather: Weather | None) -> RadioEvent:
+    def _missing(self, journey: Journey, judgement: Judgement, silence: Silence, sky: Sky) -> RadioEvent:
         stretch = (silence.start, silence.length)
         event, phase = self._monitor.events.see(
             journey, silence.radio, silence.channel, "missing", stretch, confirmed=silence.confirmed
         )
-        seen = self.circumstances(journey, judgement, "missing", silence.radio, silence.channel, stretch, weather)
+        seen = self.circumstances(journey, judgement, "missing", silence.radio, silence.channel, stretch, sky)
         cause, why = cause_of(seen)
         metres = silence.length * self._monitor.settings.section_m
         # As if each section were silent by chance, at most as often as it was before; one in n+2 where it never was.
@@ -152,7 +175,7 @@ class Raiser:
             ),
         )
 
-    def _trend(self, journey: Journey, judgement: Judgement, trend: Trend, weather: Weather | None) -> RadioEvent:
+    def _trend(self, journey: Journey, judgement: Judgement, trend: Trend, sky: Sky) -> RadioEvent:
         stretch = (trend.start, trend.length)
         event, phase = self._monitor.events.see(journey, trend.radio, trend.channel, "trend", stretch, confirmed=True)
         stream = (trend.quantity, trend.radio, trend.channel)
@@ -160,7 +183,7 @@ class Raiser:
         rows = view.over(*stretch) if trend.length else slice(0, len(view.values))
         value, lower, upper = band(view, rows, self._monitor.settings.k)
         kind: Kind = "below" if trend.level < 0.0 else "above"
-        seen = self.circumstances(journey, judgement, kind, trend.radio, trend.channel, stretch, weather)
+        seen = self.circumstances(journey, judgement, kind, trend.radio, trend.channel, stretch, sky)
         cause, why = cause_of(msgspec.structs.replace(seen, whole_line=trend.length == 0))
         loss, forecast = self.forecast(journey, view, rows, trend)
         unit = UNITS[trend.quantity]
@@ -190,8 +213,7 @@ class Raiser:
     def _stretch_of(self, view: View, stretch: tuple[int, int]) -> tuple[int, int]:
         if stretch[1]:
             return stretch
-        sections = view.residuals.sections
-        return int(sections[0]), int(sections[-1] - sections[0]) + 1
+        return view.extent
 
     def forecast(self, journey: Journey, view: View, rows: slice, trend: Trend) -> tuple[Loss | None, str]:
         """When the weakest section of a falling stretch will be too weak, and in words."""
@@ -223,12 +245,12 @@ class Raiser:
         radio: str,
         channel: str,
         stretch: tuple[int, int],
-        weather: Weather | None,
+        sky: Sky,
     ) -> Circumstances:
         """What goes with a stretch on this pass."""
         monitor = self._monitor
         sign = 1.0 if kind == "above" else -1.0
-        changes = {q: _change(judgement.views.get((q, radio, channel)), stretch) for q in (*POWERS, "reception")}
+        changes = {q: change_over(judgement.views.get((q, radio, channel)), stretch) for q in (*POWERS, "reception")}
         reception = judgement.views.get(("reception", radio, channel))
         ratio = normal = None
         if reception is not None and changes["reception"] is not None:
@@ -236,10 +258,9 @@ class Raiser:
             now = float(reception.values[rows].mean())
             ratio = plain("reception", now)
             normal = plain("reception", now - float(reception.residuals.residual[rows].mean()))
-        share, sections = _share_off(judgement, {(radio, channel)}, sign)
-        missing = {(s.radio, s.channel) for s in judgement.silences}
-        others = {s[1:] for s in judgement.views} | missing
-        others.discard((radio, channel))
+        shares = self._shares or OffShares(judgement)
+        share, sections = shares.of.get((radio, channel), {}).get(sign, (0.0, 0))
+        other_share, other_radios = shares.others((radio, channel), sign)
         transmit = transmit_change(
             monitor.streams[(radio, channel)],
             by_stream(journey).get((radio, channel), []),
@@ -252,16 +273,23 @@ class Raiser:
             at_site=not journey.direction,
             power_db=changes["power"],
             decoded_db=changes["decoded"],
-            received_ratio=0.0 if kind == "missing" else ratio,
+            received_ratio=0.0 if ratio is None and kind == "missing" else ratio,
             normal_ratio=normal,
             strength_db=self._strength(judgement.views.get(("decoded", radio, channel)), stretch),
             transmit_db=transmit,
             radio_share=share,
             radio_sections=sections,
-            other_share=_others_off(judgement, others, missing, sign) if others else None,
-            other_radios=len(others),
-            weather=weather,
+            other_share=other_share,
+            other_radios=other_radios,
+            weather=sky(self._middle_m(journey, stretch)),
         )
+
+    def _middle_m(self, journey: Journey, stretch: tuple[int, int]) -> float | None:
+        """Kilometrage of a stretch's middle; None at a site."""
+        if not journey.direction:
+            return None
+        middle = stretch[0] + stretch[1] / 2.0 if stretch[1] else (journey.passed[0] + journey.passed[-1] + 1) / 2.0
+        return middle * self._monitor.settings.section_m
 
     def _strength(self, view: View | None, stretch: tuple[int, int]) -> float | None:
         known = self._monitor.settings.loss_power_dbm
@@ -312,70 +340,7 @@ class Raiser:
         )
 
 
-def band(view: View, rows: slice, k: float) -> tuple[float, float, float]:
-    """Mean measured over a window, and the mean of its sections' A - kσ and A + kσ."""
-    residuals = view.residuals
-    expected = view.values[rows] - residuals.residual[rows]
-    deviation = np.sqrt(residuals.mean_variance[rows] + residuals.variance[rows])
-    return (
-        float(view.values[rows].mean()),
-        float((expected - k * deviation).mean()),
-        float((expected + k * deviation).mean()),
-    )
-
-
-def clearest(trends: Sequence[Trend]) -> list[Trend]:
-    """One trend a stretch: the whole line rather than its parts, else the clearer of two that overlap."""
-    ordered = sorted(trends, key=lambda one: (one.length != 0, -abs(one.score), one.quantity, one.start))
-    kept: list[Trend] = []
-    for one in ordered:
-        if not any(
-            (other.radio, other.channel) == (one.radio, one.channel)
-            and (other.length == 0 or (one.start < other.start + other.length and other.start < one.start + one.length))
-            for other in kept
-        ):
-            kept.append(one)
-    return kept
-
-
 def _kind(finding: Finding) -> Kind:
     if finding.quantity == "reception" and finding.score < 0.0:
         return "missing"
     return "above" if finding.score > 0.0 else "below"
-
-
-def _change(view: View | None, stretch: tuple[int, int]) -> float | None:
-    if view is None:
-        return None
-    rows = view.over(*stretch) if stretch[1] else slice(0, len(view.values))
-    return float(view.residuals.residual[rows].mean()) if rows.stop > rows.start else None
-
-
-def _off(view: View, sign: float) -> tuple[int, int]:
-    scores = sign * np.concatenate([test.z for test in view.tests])
-    return int((scores >= OFF_SCORE).sum()), len(scores)
-
-
-def _share_off(judgement: Judgement, keys: set[tuple[str, str]], sign: float) -> tuple[float, int]:
-    """Share of sections of some radios that are off the same way, and how many there are."""
-    off = count = 0
-    for stream, view in judgement.views.items():
-        if stream[1:] in keys and stream[0] == _leading(judgement, stream):
-            more, sections = _off(view, sign)
-            off, count = off + more, count + sections
-    return (off / count if count else 0.0), count
-
-
-def _leading(judgement: Judgement, stream: Stream) -> str:
-    return "power" if ("power", *stream[1:]) in judgement.views else "decoded"
-
-
-def _others_off(
-    judgement: Judgement, others: set[tuple[str, str]], missing: set[tuple[str, str]], sign: float
-) -> float:
-    """Share of other radios most of whose sections are off the same way, or silent."""
-    off = sum(key in missing or _share_off(judgement, {key}, sign)[0] >= OTHERS_OFF_SHARE for key in others)
-    return off / len(others)
-
-
-OTHERS_OFF_SHARE: Final = 0.5

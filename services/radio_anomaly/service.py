@@ -17,7 +17,7 @@ from msgspec import Meta
 from schemas.message import Message
 from schemas.radio import RadioAcceptance, RadioEvent, RadioMeasurement, Weather
 from schemas.topics import RADIO_ACCEPTANCE, RADIO_EVENT, RADIO_MEASUREMENT, RADIO_SECTION, WEATHER
-from services.radio_anomaly.live_passes import LivePass, LivePasses, WeatherMap
+from services.radio_anomaly.live_passes import LivePass, LivePasses
 from services.radio_anomaly.monitor import Judgement, Monitor
 from services.radio_anomaly.passes import Journey, binned, sorted_passes
 from services.radio_anomaly.radio_model import Origin, RadioModel, evidence_of, model_of, monitor_of
@@ -26,6 +26,7 @@ from services.radio_anomaly.raising import Raiser
 from services.radio_anomaly.reading import reading_of, refusal_of
 from services.radio_anomaly.section_words import section_messages
 from services.radio_anomaly.settings import Settings
+from services.radio_anomaly.weather_map import Sky, WeatherMap
 from services.runtime.clock import LiveClock
 from services.runtime.node import Arrival, Node, Service
 from services.runtime.state_dir import state_dir
@@ -110,13 +111,13 @@ class _Watch:
         journey = await self._journey(current)
         if journey is None:
             return
-        weather = self._weather.at(current.axis_m, journey.last_ns)
+        sky = self._sky(current, journey.last_ns)
 
         def judge() -> tuple[list[RadioEvent], Judgement]:
             judgement = self._monitor.judge(journey)
             # A trend is a matter of whole passes.
             steps = msgspec.structs.replace(judgement, trends=())
-            return self._raiser.events_of(journey, steps, weather), judgement
+            return self._raiser.events_of(journey, steps, sky), judgement
 
         events, judgement = await self._node.in_thread(judge)
         await self._say(current, journey, events, judgement)
@@ -126,8 +127,8 @@ class _Watch:
         journey = await self._journey(current)
         if journey is None:
             return
-        weather = self._weather.at(current.axis_m, journey.last_ns)
-        events, judgement = await self._node.in_thread(lambda: self._raiser.take(journey, weather))
+        sky = self._sky(current, journey.last_ns)
+        events, judgement = await self._node.in_thread(lambda: self._raiser.take(journey, sky))
         await self._say(current, journey, events, judgement)
         self._node.health.count("passes")
         self._node.health.count("left_out", current.left_out)
@@ -137,6 +138,15 @@ class _Watch:
             self._node.health.set("learning", f"learning {names}: nothing is raised yet")
         else:
             self._node.health.clear("learning")
+
+    def _sky(self, current: LivePass, t_ns: int) -> Sky:
+        """Weather by kilometrage, as the train's own place relates it to the axis."""
+        offset_m = current.offset_m
+
+        def sky(place_m: float | None) -> Weather | None:
+            return self._weather.at(None if place_m is None or offset_m is None else place_m + offset_m, t_ns)
+
+        return sky
 
     async def _journey(self, current: LivePass) -> Journey | None:
         """Binned, without readings that cannot be of this pass."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import msgspec
 
 from services.radio_anomaly.settings import Settings
-from services.radio_anomaly.window_test import PassTest, WindowSum
+from services.radio_anomaly.window_test import WHOLE, PassTest, WindowSum, whole_sum
 
 BEFORE = 2
 """Earlier passes over a window that are remembered."""
@@ -61,13 +61,19 @@ class WindowMemory:
             self.kept[key] = (*self.kept.get(key, ())[1 - BEFORE :], (one.pull, one.information))
 
 
-def window_sums(tests: Iterable[PassTest], settings: Settings) -> list[WindowSum]:
-    """Every window of a pass."""
-    return [one for test in tests for one in test.windows(settings.windows)]
+def window_sums(tests: Sequence[PassTest], settings: Settings) -> list[WindowSum]:
+    """Every window of a pass, the whole of it among them."""
+    found = [one for test in tests for one in test.windows(settings.windows)]
+    whole = whole_sum(tests)
+    return found if whole is None else [*found, whole]
 
 
-def find_steps(stream: Stream, sums: Iterable[WindowSum], memory: WindowMemory, settings: Settings) -> list[Finding]:
+def find_steps(
+    stream: Stream, sums: Iterable[WindowSum], extent: tuple[int, int], memory: WindowMemory, settings: Settings
+) -> list[Finding]:
     """Windows off their mean, the clearest first, none overlapping a clearer one.
+
+    `extent`: first section of the pass and how many it spans, for the window that is the whole of it.
 
     Confirmed: this pass alone is beyond `certain_score`, or two or three passes together are beyond
     `confirmed_score` with each of them pointing the same way. Not confirmed: this pass is beyond `suspect_score`.
@@ -78,6 +84,9 @@ def find_steps(stream: Stream, sums: Iterable[WindowSum], memory: WindowMemory, 
         for one in sums
         if abs(one.pull) >= settings.each_score * math.sqrt(one.information)
         if (finding := _judge(stream, one, memory.before(stream, one.start, one.length), settings, least)) is not None
+    ]
+    found = [
+        one if one.length != WHOLE else msgspec.structs.replace(one, start=extent[0], length=extent[1]) for one in found
     ]
     found.sort(key=lambda one: (not one.confirmed, -abs(one.score), one.start, one.length))
     taken: set[int] = set()

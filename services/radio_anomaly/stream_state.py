@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Final
@@ -10,7 +11,7 @@ import msgspec
 import numpy as np
 
 from services.radio_anomaly.baseline import Baseline, Book, Mask, one
-from services.radio_anomaly.passes import Bin, Journey
+from services.radio_anomaly.passes import Bin, Journey, transformed
 from services.radio_anomaly.settings import Settings
 from services.radio_anomaly.window_test import Correlation, Floats, PassTest, Residuals, chunks
 
@@ -89,6 +90,12 @@ class View(msgspec.Struct, frozen=True):
     """Measured, per section, beside the residuals."""
     tests: tuple[PassTest, ...]
 
+    @property
+    def extent(self) -> tuple[int, int]:
+        """First section, and how many to the last."""
+        sections = self.residuals.sections
+        return int(sections[0]), int(sections[-1] - sections[0]) + 1
+
     def over(self, start: int, length: int) -> slice:
         """Rows of a window of sections."""
         first, past = np.searchsorted(self.residuals.sections, (start, start + length))
@@ -110,20 +117,26 @@ def view_of(
     if not mine or not baseline.sections():
         return None
     explained = _explained(state, quantity, bins, settings, mask)
+    # Where reception was bad already, a bad pass is nothing new, and scatters more than the line's spread tells.
+    least_mean = transformed(quantity, settings.least_received_ratio) if quantity == "reception" else -math.inf
     rows: dict[int, list[float]] = {}
     for bin_ in mine:
         expected = baseline.predict(direction, bin_.section, bin_.cell)
+        if expected.mean < least_mean:
+            continue
         entry = rows.setdefault(bin_.section, [0.0, 0.0, 0.0, 0.0, expected.variance, expected.passes])
         entry[0] += bin_.count
         entry[1] += bin_.count * (bin_.value - expected.mean - explained)
         entry[2] += bin_.count * expected.mean_variance
         entry[3] += bin_.count * bin_.value
+    if not rows:
+        return None
     sections = np.array(sorted(rows), dtype=np.int64)
     table = np.array([rows[int(section)] for section in sections])
     residuals = Residuals(
         sections, table[:, 1] / table[:, 0], table[:, 2] / table[:, 0], table[:, 4].copy(), table[:, 5].copy()
     )
-    tests = tuple(PassTest(part, correlation) for part in chunks(residuals))
+    tests = tuple(PassTest(part, correlation, site=not direction) for part in chunks(residuals))
     return View(residuals, table[:, 3] / table[:, 0], tests)
 
 

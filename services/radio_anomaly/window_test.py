@@ -11,7 +11,7 @@ Both sums add up over independent passes, so three passes are one estimate.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import msgspec
@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 CLIP: Final = 3.5
-"""A single section says no more than this many standard deviations: cells change, trains stand under bridges."""
+"""A section says no more than this many standard deviations beyond the median of five around it: cells change, trains
+stand under bridges. What three neighbours of five say is not cut."""
+NEAR_SECTIONS: Final = 2
+WHOLE: Final = 0
+"""Length under which all of a pass is a window."""
+LEAST_WHOLE: Final = 5
+"""Sections of a pass for it to be one."""
 CHUNK: Final = 400
 """Sections that are taken together at most: the effort grows with the cube."""
 
@@ -60,12 +66,12 @@ class WindowSum(msgspec.Struct, frozen=True, gc=False):
 class PassTest:
     """K⁻¹r and K⁻¹ of a pass as running sums, from which every window follows at once."""
 
-    def __init__(self, residuals: Residuals, correlation: Correlation) -> None:
-        """Up to CHUNK sections."""
+    def __init__(self, residuals: Residuals, correlation: Correlation, *, site: bool = False) -> None:
+        """Up to CHUNK sections; at a site, with its one section, nothing is cut."""
         self.sections = residuals.sections
         deviation = correlation.inflation * np.sqrt(residuals.mean_variance + residuals.variance)
         self.z = residuals.residual / deviation
-        clipped = np.clip(self.z, -CLIP, CLIP) * deviation
+        clipped = (self.z if site else cut(self.z)) * deviation
         apart = np.abs(self.sections[:, None] - self.sections[None, :])
         shape = correlation.whole + correlation.near * np.exp(-apart / correlation.reach)
         shape[np.diag_indices(len(self.sections))] = 1.0
@@ -112,6 +118,28 @@ class PassTest:
             information = info[past, past] - info[first, past] - info[past, first] + info[first, first]
             for k in range(len(starts)):
                 yield WindowSum(int(starts[k]), length, float(pull[k]), float(information[k]), int(past[k] - first[k]))
+
+
+def cut(scores: Floats) -> Floats:
+    """Scores without what single sections say beyond their neighbours.
+
+    >>> cut(np.array([0.0, 0.0, 9.0, 0.0, 0.0])).tolist()
+    [0.0, 0.0, 3.5, 0.0, 0.0]
+    >>> cut(np.array([0.0, 9.0, 9.0, 9.0, 0.0])).tolist()
+    [0.0, 9.0, 9.0, 9.0, 0.0]
+    """
+    padded = np.pad(scores, NEAR_SECTIONS, constant_values=0.0)
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEAR_SECTIONS + 1), axis=1)
+    return np.clip(scores, np.minimum(middle, 0.0) - CLIP, np.maximum(middle, 0.0) + CLIP)
+
+
+def whole_sum(tests: Sequence[PassTest]) -> WindowSum | None:
+    """All of a pass as one window; None for a short one."""
+    count = sum(len(test.sections) for test in tests)
+    if count < LEAST_WHOLE:
+        return None
+    sums = [test.over(0, len(test.sections)) for test in tests]
+    return WindowSum(0, WHOLE, sum(pull for pull, _ in sums), sum(info for _, info in sums), count)
 
 
 def chunks(residuals: Residuals) -> Iterator[Residuals]:
