@@ -17,14 +17,14 @@ LAST_RATIO: Final = 4.0
 """The same for the average of many spectra."""
 THINNED: Final = 16
 """Bins for which one median serves."""
-EARLY: Final = (1, 2, 4)
-"""Bursts after which tones are sought at the start."""
 SELDOM: Final = 8
-"""Bursts between searches later on: tones stay, searching costs as much as receiving."""
+"""Bursts between searches where there is no need for more: tones stay, and searching costs as much as receiving."""
 FADE: Final = 0.9
 """Share of the averaged spectrum kept from burst to burst."""
 SAME: Final = 2e-5
 """Cycles per sample by which a tone may move and is still the same: a twentieth of what a burst resolves."""
+MOVED: Final = 3
+"""Bins by which a line may have moved since it entered the average: less than a burst resolves."""
 NYQUIST: Final = 0.5
 MOST_TONES: Final = 24
 MAINS_HZ: Final = (50.0, 60.0)
@@ -48,8 +48,10 @@ class ToneFinder:
         self._power = np.zeros(SIZE)
         self._weight = 0.0
         self._bursts = 0
+        self._searched, self._pause = 0, 1
         self._found = np.empty(0)
         self._window = np.empty(0)
+        self._latest = self._power
 
     def take(self, samples: NDArray[np.complex128]) -> None:
         """Add a burst (at least a few hundred samples; what exceeds SIZE is left out)."""
@@ -58,17 +60,22 @@ class ToneFinder:
             self._window = np.blackman(len(part))
         spectrum = np.abs(np.fft.fft(part * self._window, SIZE)) ** 2
         self._power = FADE * self._power + spectrum
+        self._latest = spectrum
         self._weight = FADE * self._weight + 1.0
         self._bursts += 1
 
-    def tones(self, carrier_hz: float) -> NDArray[np.float64]:
+    def tones(self, carrier_hz: float, *, urgent: bool = False) -> NDArray[np.float64]:
         """Frequencies relative to the carrier in cycles per sample: the mains comb and single lines, ascending.
 
-        The very same array is given until something new is found.
+        The very same array is given until something new is found. `urgent`: seek them more often, for they move.
         """
-        if self._bursts in EARLY or self._bursts % SELDOM == 0:
+        pause = min(self._pause, SELDOM) if urgent or self._bursts < SELDOM else SELDOM
+        if self._bursts >= self._searched + pause:
             found = np.sort(self._search(carrier_hz))
-            if len(found) != len(self._found) or np.max(np.abs(found - self._found), initial=0.0) > SAME:
+            moved = len(found) != len(self._found) or np.max(np.abs(found - self._found), initial=0.0) > SAME
+            self._pause = 1 if moved else 2 * self._pause
+            self._searched = self._bursts
+            if moved:
                 self._found = found
         return self._found
 
@@ -90,9 +97,15 @@ class ToneFinder:
         ratio = LAST_RATIO + (FIRST_RATIO - LAST_RATIO) / self._weight
         lines = np.flatnonzero((relative > ratio) & (power > before) & (power >= after))
         lines = lines[np.argsort(power[lines])[::-1]][:MOST_TONES]
-        left, middle, right = (np.log(part[lines] + 1e-300) for part in (before, power, after))
-        shift = 0.5 * (left - right) / (left - 2.0 * middle + right - 1e-12)
-        return np.asarray(((lines + shift) / SIZE + 0.5) % 1.0 - 0.5, np.float64)
+        # Where a strong line stands by now, the latest burst says better than the average.
+        near = (lines[:, None] + np.arange(-MOVED, MOVED + 1)) % SIZE
+        newest = near[np.arange(len(lines)), np.argmax(self._latest[near], axis=1)]
+        now, peak = self._latest, self._latest[newest]
+        crest = (peak >= now[(newest - 1) % SIZE]) & (peak >= now[(newest + 1) % SIZE])
+        lines = np.where(crest & (relative[lines] > FIRST_RATIO), newest, lines)
+        left, middle, right = (np.log(now[(lines + step) % SIZE] + 1e-300) for step in (-1, 0, 1))
+        shift = np.clip(0.5 * (left - right) / (left - 2.0 * middle + right - 1e-12), -0.5, 0.5)
+        return np.unique(np.asarray(((lines + shift) / SIZE + 0.5) % 1.0 - 0.5, np.float64))
 
     def _comb(self, relative: NDArray[np.float64], carrier_hz: float) -> NDArray[np.float64]:
         """Harmonics of the mains within the band, if they stand out together."""

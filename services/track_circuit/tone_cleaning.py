@@ -23,6 +23,10 @@ CLEANER_DB: Final = 0.2
 """By how much a burst must become better for more tones to be taken out of it."""
 WORSE_DB: Final = 1.0
 """By how much the next bursts may be worse than the one by which that was decided, before it is decided anew."""
+URGENT_DB: Final = 2.0
+"""By how much the latest burst must be worse than the best of late for tones to be sought before their time."""
+FORGET_DB: Final = 0.05
+"""By how much the least error of late rises from burst to burst."""
 GOOD_DB: Final = -14.0
 """A burst with less error has no wrong decision to be mended: nothing more is tried."""
 
@@ -60,39 +64,55 @@ class CleanReception:
         self._finder = ToneFinder(2.0 * profile.chip_rate_hz)
         self._found = NONE
         self._count = 0
-        self._ways: list[ToneRemoval | None] = [None]
+        self._ways: list[NDArray[np.float64]] = [NONE]
+        """Tones taken out in each."""
+        self._removals: dict[int, ToneRemoval] = {}
+        """By number of the way; made when first tried."""
         self._best = 0
         self._least_db = -np.inf
+        """Error of the best way when all were tried last."""
+        self._latest_db = self._usual_db = -np.inf
 
     def receive(self, burst: Burst, carrier_hz: float) -> tuple[Reception, Burst, NDArray[np.float64]]:
         """The reception, the samples that it is of, and the tones taken out in cycles per sample."""
         self._finder.take(burst.samples)
-        tones = self._finder.tones(carrier_hz)
+        tones = self._finder.tones(carrier_hz, urgent=self._latest_db > max(self._usual_db + URGENT_DB, GOOD_DB))
         if tones is not self._found or len(burst.samples) != self._count:
             self._prepare(tones, len(burst.samples))
         if len(self._ways) == 1:
-            return self._receiver.receive(burst), burst, NONE
-        received = self._received(burst, self._ways[self._best])
+            found = self._receiver.receive(burst)
+            self._heard(found.evm_db)
+            return found, burst, NONE
+        received = self._received(burst, self._best)
         if received.found.evm_db > max(self._least_db + WORSE_DB, GOOD_DB):
             received = self._tried(burst, received)
             self._least_db = received.found.evm_db
         self._receiver = received.receiver
-        way = self._ways[self._best]
-        return received.found, received.burst, NONE if way is None else way.tones
+        self._heard(received.found.evm_db)
+        return received.found, received.burst, self._ways[self._best]
+
+    def _heard(self, error_db: float) -> None:
+        """The latest error, and the least of late."""
+        self._latest_db = error_db
+        usual_db = self._usual_db + FORGET_DB if np.isfinite(self._usual_db) else error_db
+        self._usual_db = min(usual_db, error_db)
 
     def _prepare(self, tones: NDArray[np.float64], count: int) -> None:
         """Ways to receive bursts of `count` samples: each takes out more than the one before."""
         self._found, self._count, self._least_db = tones, count, -np.inf
         own = np.abs(np.abs(tones) - 0.25) < 0.5 * OWN_CHIP_RATES
         sets = [tones] if len(tones) > FEW or not own.any() else [tones[~own], tones]
-        self._ways = [None, *(ToneRemoval(part, count) for part in sets if len(part))]
+        self._ways, self._removals = [NONE, *(part for part in sets if len(part))], {}
         self._best = min(self._best, len(self._ways) - 1)
 
-    def _received(self, burst: Burst, way: ToneRemoval | None) -> _Received:
+    def _received(self, burst: Burst, number: int) -> _Received:
         """One way; where decisions are doubtful, tones are measured once more behind the signal."""
         receiver = self._receiver.copied()
-        if way is None:
+        if not number:
             return _Received(receiver, receiver.receive(burst), burst)
+        if number not in self._removals:
+            self._removals[number] = ToneRemoval(self._ways[number], self._count)
+        way = self._removals[number]
         cleaned = _without(way.tones_in(burst.samples), burst)
         first = _Received(receiver, receiver.receive(cleaned), cleaned)
         if first.found.evm_db < DOUBTFUL_DB:
@@ -111,8 +131,8 @@ class CleanReception:
 
     def _tried(self, burst: Burst, latest: _Received) -> _Received:
         """The burst by the best of all ways; `latest` is what the one of the last bursts gives."""
-        ways = enumerate(self._ways)
-        every = [(number, latest if number == self._best else self._received(burst, way)) for number, way in ways]
+        numbers = range(len(self._ways))
+        every = [(number, latest if number == self._best else self._received(burst, number)) for number in numbers]
         self._best, best = every[0]
         for number, received in every[1:]:
             if received.found.evm_db < best.found.evm_db - CLEANER_DB:

@@ -7,6 +7,10 @@ from numpy.typing import NDArray
 
 RIDGE = 1e-6
 """Added to the normal matrix relative to its diagonal, for tones that nearly coincide."""
+MOST_CURVED = 12
+"""Tones up to which each may change within a burst: three dimensions apiece."""
+CURVED_RIDGE = 1e-5
+"""RIDGE for these: neighbours that change overlap more."""
 STEP = 64
 """Samples per coarse step: a phasor is the product of a coarse and a fine one, which saves most exponentials."""
 
@@ -31,20 +35,32 @@ def overlaps(tones: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
 
 
 class ToneRemoval:
-    """One set of tones and one length of bursts; what depends on these alone is worked out once."""
+    """One set of tones and one length of bursts; what depends on these alone is worked out once.
+
+    A few tones may change within a burst: amplitude and phase are polynomials of time then, which follows some 30 Hz/s.
+    """
 
     def __init__(self, tones: NDArray[np.float64], count: int) -> None:
         """For bursts of `count` samples; `tones` in cycles per sample."""
         self.tones, self.count = tones, count
-        self._phasors = phasors(tones, count)
-        weight = RIDGE * count * np.eye(len(tones))
+        waves = phasors(tones, count)
+        if len(tones) <= MOST_CURVED:
+            time = np.linspace(-1.0, 1.0, count, dtype=np.float32)
+            curves = (np.ones(count, np.float32), time, 1.5 * time**2 - 0.5)
+            waves = np.concatenate([waves[:, :count] * curve for curve in curves])
+            inner = (np.conj(waves) @ waves.T).astype(np.complex128)
+            weight = CURVED_RIDGE * count
+        else:
+            inner, weight = overlaps(tones, count), RIDGE * count
+        self._waves = np.ascontiguousarray(waves)
+        unit = np.eye(len(inner), dtype=np.complex128)
         # Bursts come by the hundred: for so few tones, so far apart, the inverse is as exact as solving every time.
-        self._inverse = np.linalg.solve(overlaps(tones, count) + weight, np.eye(len(tones), dtype=np.complex128))
+        self._inverse = np.linalg.solve(inner + weight * unit, unit)
 
     def tones_in(self, samples: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """The tones as they stand in the samples of a burst."""
-        padded = np.zeros(self._phasors.shape[1], np.complex64)
+        padded = np.zeros(self._waves.shape[1], np.complex64)
         padded[: self.count] = np.conj(samples)
-        heard = np.conj(self._phasors @ padded)
+        heard = np.conj(self._waves @ padded)
         amplitudes = (self._inverse @ heard).astype(np.complex64)
-        return np.asarray((amplitudes @ self._phasors)[: self.count], np.complex128)
+        return np.asarray((amplitudes @ self._waves)[: self.count], np.complex128)

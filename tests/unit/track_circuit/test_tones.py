@@ -60,3 +60,20 @@ def test_a_comb_is_found_in_every_search() -> None:
         comb = np.exp(2j * np.pi * (np.outer(at, 50.02 * orders - 12_000.0) + turns)).sum(axis=1)
         finder.take(comb + 0.7 * (generator.normal(size=2_206) + 1j * generator.normal(size=2_206)))
         assert len(finder.tones(12_000.0)) >= 181
+
+
+@pytest.mark.parametrize("hz_per_s", [2.0, 10.0])
+def test_lines_that_drift_are_followed(hz_per_s: float) -> None:
+    generator = np.random.default_rng(4)
+    receiver = CleanReception(PROFILE, MlseReceiver(PROFILE))
+    errors_db = []
+    for number in range(30):
+        bits = random_bits(68, generator)
+        burst = burst_of(bits, 0.3, generator)
+        at_s = (2206 * number + np.arange(2206)) / 9600.0
+        drifting = 2.0 * np.exp(2j * np.pi * (500.0 * at_s + 0.5 * hz_per_s * at_s**2))
+        found, _, _ = receiver.receive(Burst(burst.samples + drifting, burst.pilots), 12_000.0)
+        errors_db.append(found.evm_db)
+        assert np.array_equal((found.soft < 0.0)[2:-2], (bits == 1)[2:-2])
+    # Without the line it is -21 dB; between two searches it moves by up to a fifth of what a burst resolves.
+    assert np.median(errors_db) < -17.0
