@@ -31,7 +31,7 @@ class MotionSamples:
     imu: Floats
     """Shape (n, 6): what the sensor reads at these instants, not yet late."""
     distance_m: Floats
-    """Gone since the start; rises however the train runs."""
+    """Gone since the start; rises however the train runs, unless its sensors are fixed to the vehicle."""
     way_m: Floats
     """Along the table that the train is on."""
     trip: NDArray[np.int64]
@@ -41,6 +41,8 @@ class MotionSamples:
     wheel_way_m: Floats
     slip: NDArray[np.int8]
     effort_mps2: Floats
+    forward: Floats
+    """+1 while the train runs where its sensors look, -1 while it runs the other way."""
 
     @property
     def t_s(self) -> Floats:
@@ -60,9 +62,11 @@ class MotionSimulator:
         start_m: float = 0.0,
         places: dict[float, float] | None = None,
         turns_back: bool = True,
+        fixed_sensors: bool = False,
     ) -> None:
         """Draw sensor, habits and slips. `places` gives the way along the table for places of episodes.
 
+        `fixed_sensors`: they look where the train ran at first; else each cab has its own, which are alike.
         At the last stop the train turns back if `turns_back`, else it stays there. Raises ValueError
         when there is no stop ahead of `start_m`.
         """
@@ -79,7 +83,10 @@ class MotionSimulator:
         self._started_s = np.full(len(self._sets[0]), -1e9)
         self._state = fresh_state()
         self._memory = np.zeros(6 + 2 * len(MODES))
+        self._fixed_sensors = fixed_sensors
         self._trip, self._gone_m, self._trip_start_m = 0, 0.0, start_m
+        self._rim_m, self._trip_rim_m = 0.0, 0.0
+        """Way of the rim by its counter, and by its wear, when the trip began."""
         self._state["way_m"] = start_m
         self._run = self._begin_trip()
 
@@ -102,21 +109,23 @@ class MotionSimulator:
         """Next `count` samples."""
         noise = self._generator.standard_normal((count, NOISES))
         imu, motion = np.empty((count, 6)), np.empty((count, len(MOTION_COLUMNS)))
-        distance, trip = np.empty(count), np.empty(count, np.int64)
+        distance, trip, forward = np.empty(count), np.empty(count, np.int64), np.empty(count)
         first, done = self.steps, 0
         while done < count:
             rest = slice(done, None)
             new = run_steps(self._state, self._memory, self._run, command, noise[rest], imu[rest], motion[rest])
             part = slice(done, done + new)
-            distance[part] = self._gone_m + motion[part, 0] - self._trip_start_m
-            trip[part] = self._trip
+            sign = self._forward
+            distance[part] = self._gone_m + sign * (motion[part, 0] - self._trip_start_m)
+            motion[part, 3] = self._rim_m + sign * (motion[part, 3] - self._trip_rim_m)
+            trip[part], forward[part] = self._trip, sign
             done += new
             if done < count:
                 self._leave_again()
         columns = motion.T
         return MotionSamples(
             first, imu, distance, columns[0], trip, columns[1], columns[2], columns[3],
-            columns[4].astype(np.int8), columns[5],
+            columns[4].astype(np.int8), columns[5], forward,
         )  # fmt: skip
 
     def _leave_again(self) -> None:
@@ -124,22 +133,34 @@ class MotionSimulator:
         if not self._turns_back:
             self._state["dwell_s"] = 1e9
             return
-        way_m = float(self._state["way_m"][0])
-        self._gone_m += way_m - self._trip_start_m
+        way_m, rim_m = float(self._state["way_m"][0]), float(self._state["wheel_way_m"][0])
+        self._gone_m += self._forward * (way_m - self._trip_start_m)
+        self._rim_m += self._forward * (rim_m - self._trip_rim_m)
+        self._trip_rim_m = rim_m
         self._trip += 1
         self._trip_start_m = self._tables[0].length_m - way_m + self.settings.vehicle.length_m
         self._state["way_m"] = self._trip_start_m
         self._run = self._begin_trip()
 
+    @property
+    def _forward(self) -> float:
+        """-1 while the train runs away from where its sensors look."""
+        return -1.0 if self._fixed_sensors and self._trip % 2 else 1.0
+
     def _begin_trip(self) -> Run:
         track = self._tables[self._trip % 2]
         settings = self.settings
+        behind_m, sensor = settings.imu.behind_front_m, self._sensor
+        if self._forward < 0.0:
+            behind_m = settings.vehicle.length_m - behind_m
+            # Half a turn about the vertical: x and y look the other way.
+            sensor = sensor._replace(turned=sensor.turned * np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0]))
         ahead = np.flatnonzero(track.stops_m > self._trip_start_m + settings.vehicle.length_m)
         if not len(ahead):
             msg = f"no stop ahead of {self._trip_start_m:.0f} m on a track of {track.length_m:.0f} m"
             raise ValueError(msg)
         run = Run(
-            felt_by(track, settings.vehicle, settings.imu.behind_front_m, settings.driving.brake_mps2[0]),
+            felt_by(track, settings.vehicle, behind_m, settings.driving.brake_mps2[0]),
             np.ascontiguousarray(track.stops_m),
             _ranges(settings.driving),
             self._habits,
@@ -147,7 +168,7 @@ class MotionSimulator:
             self._sets[self._trip % 2],
             self._started_s,
             vehicle_constants(settings),
-            self._sensor,
+            sensor,
         )
         self._state["stop"], self._state["has_stop"], self._state["mode"] = ahead[0], 1, 0
         draw_leg(self._state, run.ranges, run.habits)

@@ -42,7 +42,10 @@ class Journey(Part, frozen=True, kw_only=True):
     start_axis_m: NotNegative | None = None
     """Where the front end starts; the first stop when left out."""
     turns_back: bool = True
-    """At its last stop the other cab takes over. Sensors of that cab look forward again."""
+    """At its last stop the other cab takes over."""
+    sensors: Literal["cab", "vehicle"] = "cab"
+    """Each cab has its own sensors, which look forward when it leads; or one set looks where cab A looks, always, and
+    counts backwards while cab B leads."""
     irregularity: NotNegative = 1.0
     """Of the rail's level, cross level and alignment, against a maintained line."""
     irregularity_seed: Annotated[int, Meta(ge=0)] = 1

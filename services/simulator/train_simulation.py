@@ -85,7 +85,13 @@ class TrainSimulation:
             wanted = [one.at_axis_m for one in scenario.adhesion.episodes if one.at_axis_m is not None]
             places = {axis_m: self.route.way_of(axis_m) for axis_m in wanted}
         self.motion = MotionSimulator(
-            track, settings, seeds[1], start_m=start_m, places=places, turns_back=scenario.journey.turns_back
+            track,
+            settings,
+            seeds[1],
+            start_m=start_m,
+            places=places,
+            turns_back=scenario.journey.turns_back,
+            fixed_sensors=scenario.journey.sensors == "vehicle",
         )
         self.sensors = TrainSensors(settings, seeds[2])
         self._balise_generator = np.random.default_rng(seeds[2].integers(2**32))
@@ -141,7 +147,7 @@ class TrainSimulation:
             if measured and self.receiver is not None and gps_ns % self._interval_ns == 0:
                 instant = self.receiver.epoch(
                     gps_ns,
-                    truth.axis_m,
+                    self._antenna_front_m(truth.axis_m),
                     truth.speed_mps,
                     rises=self.route.rises(self._trip),
                     received="gnss_lost" not in faults,
@@ -152,6 +158,19 @@ class TrainSimulation:
                 readings = self.radio.readings(truth, self._trip, befallen, rises=rises)
                 weather = self.radio.weather(truth.t_ns, befallen)
         return Tick(gps_ns, sensors, samples, truth, instant, balises, changes, faults, readings, weather)
+
+    def _behind_m(self, behind_front_m: float) -> float:
+        """How far what is so far behind the front end of cab A is behind the end that leads now."""
+        turned = self.scenario.journey.sensors == "vehicle" and self._trip % 2
+        return self.scenario.motion.vehicle.length_m - behind_front_m if turned else behind_front_m
+
+    def _antenna_front_m(self, axis_m: float) -> float:
+        """Where the front end were if the antenna stood as far behind it as behind cab A's."""
+        route, gnss = self.route, self.scenario.gnss
+        if route is None or gnss is None:
+            return axis_m
+        further_m = self._behind_m(gnss.antenna_behind_front_m) - gnss.antenna_behind_front_m
+        return axis_m - further_m if route.rises(self._trip) else axis_m + further_m
 
     def _truth(self, gps_ns: int, samples: MotionSamples) -> MotionTruth:
         route = self.route
@@ -179,14 +198,15 @@ class TrainSimulation:
         if trip == self._trip:
             return ()
         self._trip, self._reader_m = trip, None
-        note = "the other end leads; its own sensors look forward"
+        own = self.scenario.journey.sensors == "cab"
+        note = f"the other end leads; {'its own sensors look forward' if own else 'sensors look as before'}"
         return (TrainChange(t_ns=utc_ns(gps_ns), kind="cab", cab="B" if trip % 2 else "A", note=note),)
 
     def _balises(self, gps_ns: int, samples: MotionSamples) -> tuple[BalisePassage, ...]:
         """Balises that the reader has passed since the last tick, at the time of passing."""
         route = self.route
         assert route is not None  # noqa: S101 - only called on a line
-        behind_m = self.scenario.balise_reader_behind_front_m
+        behind_m = self._behind_m(self.scenario.balise_reader_behind_front_m)
         before, reader = self._reader_m, samples.way_m - behind_m
         self._reader_m = float(reader[-1])
         if before is None:

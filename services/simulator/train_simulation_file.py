@@ -157,7 +157,7 @@ def _write_motion(folder: Path, simulation: TrainSimulation, gathered: _Gathered
         {
             "t_s": gathered.column(lambda tick: tick.samples.t_s[-1:]),
             "distance_m": gathered.column(lambda tick: tick.samples.distance_m[-1:]),
-            "speed_mps": gathered.column(lambda tick: tick.samples.speed_mps[-1:]),
+            "speed_mps": gathered.column(lambda tick: (tick.samples.speed_mps * tick.samples.forward)[-1:]),
             "slip": gathered.column(lambda tick: tick.samples.slip[-1:]),
             "acceleration_mps2": gathered.column(lambda tick: tick.samples.acceleration_mps2[-1:]),
         },

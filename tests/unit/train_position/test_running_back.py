@@ -1,0 +1,46 @@
+"""A train that runs back with the same sensors: the other cab leads, and they count backwards."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from benchmarks.position import known_start, scenario_of
+from benchmarks.whole_train import Chain, demo_landmarks, judge_of
+from schemas.position import TrainPosition
+from services.landmark_matching.live_matching import LiveMatching
+from services.landmark_matching.settings import MatchSettings
+from services.simulator.motion_settings import Adhesion
+from services.simulator.train_scenario import Journey
+from services.train_position.evaluation import judge
+from services.train_position.positions_file import positions_of, truth_of
+
+START_M = 23_000.0
+"""Two curves before the end of the demo line."""
+
+
+def test_running_back_with_the_same_sensors_keeps_the_bounds() -> None:
+    journey = Journey(start_axis_m=START_M, sensors="vehicle")
+    made = msgspec.structs.replace(scenario_of(journey, 3, outages=False), adhesion=Adhesion(), gnss=None)
+    found = judge_of("fixed sensors", facing="up", forward="vehicle", balises=False, fixes=False)
+    found.matching = LiveMatching(demo_landmarks(), MatchSettings(), 0.0, found.keeper.held.config.length_m)
+    chain = Chain(made, 3, [found])
+    chain.run(0.1)
+    chain.tell(known_start(chain, chain.truth[-1].axis_m))
+    chain.run(600.0, until=lambda now: bool(chain.changes) and now.axis_m < START_M)
+    figures = judge(positions_of("run", found.positions), truth_of(chain.truth))
+    assert 0 < figures.compared == figures.within
+    turned_ns = chain.changes[0].t_ns
+    assert chain.rows[-1].speed_mps < 0.0
+    # There and back, but for the train's own length: the other end is the front then.
+    assert chain.rows[-1].distance_m == pytest.approx(found.keeper.held.config.length_m, abs=0.02 * 5_000.0)
+    assert any(one.accepted for one in found.matches if one.t_ns < turned_ns)
+    assert any(one.accepted and one.direction == "down" for one in found.matches if one.t_ns > turned_ns)
+    after = [one for one in found.positions if one.t_ns > turned_ns + 1_000_000_000]
+    assert {one.direction for one in after} == {"down"}
+    assert all(one.speed_mps is None or one.speed_mps > -one_sided(one) for one in after)
+
+
+def one_sided(position: TrainPosition) -> float:
+    """How far a speed of rest may be below nought."""
+    return position.speed_bound_mps or 0.0
