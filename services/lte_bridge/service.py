@@ -18,6 +18,7 @@ from services.lte_bridge.batch import CHUNK_RECORDS, BatchError
 from services.lte_bridge.cutting import Cut
 from services.lte_bridge.document_store import DocumentError, keep
 from services.lte_bridge.exchange import Turns, acknowledgement_of, fault_of
+from services.lte_bridge.introduction import Introductions
 from services.lte_bridge.journal_store import Journal, JournalFaultError, Unsaid
 from services.lte_bridge.lane import KEPT, LANES, Lane, lane_of
 from services.lte_bridge.pace import Meter, Pace, paces
@@ -33,8 +34,8 @@ from services.runtime.state_dir import state_dir
 MEGABYTE = 1_000_000
 STATUS_S = 1.0
 DISK_RETRY_S = 1.0
-SETTLE_S = 2.0
-"""What was said so long ago has left this process."""
+SETTLE_S = 5.0
+"""What was said so long ago has left this process, and its readers have found it."""
 
 
 class Config(Settings, frozen=True, kw_only=True):
@@ -260,6 +261,7 @@ class Receiver:
     config: Config
     journal: Journal
     documents: Path
+    introductions: Introductions = field(default_factory=Introductions)
     _changed: asyncio.Event = field(default_factory=asyncio.Event)
 
     async def receive(self, link: Node) -> None:
@@ -326,6 +328,8 @@ class Receiver:
                     document = decode(Document, record.payload)
                     await self.node.in_thread(partial(keep, self.documents, document))
                 sample = Sample(record.key, record.payload, record.attachment, record.heard_ns)
+                if (wait_s := self.introductions.wait_s(record.key, self.node.clock.monotonic_s())) > 0.0:
+                    await asyncio.sleep(wait_s)
                 await self.node.publish_mirrored(sample)
             except (TopicError, DecodeError, DocumentError) as error:
                 refused.append((record, str(error)))

@@ -202,7 +202,7 @@ def test_what_was_committed_but_not_said_before_a_kill_is_said_after_it(world: W
     cloud.kill()  # at once: what was said may not have left the process, so it is said once more
     cloud = world.start("cloud", receives=True)
     assert world.payloads(BULK_KEY) == 2 * payloads(records)
-    world.loop.advance(5.0)
+    world.loop.advance(11.0)
     cloud.kill()
     cloud = world.start("cloud", receives=True)
     assert len(world.said) == 20
