@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from services.numerics.kernel import kernel
-from services.odometry_fusion.fused_layout import ADHERING, Branches, D, Record, W
+from services.odometry_fusion.fused_layout import ADHERING, Branches, D, Record, V, W
 
 FACTOR: Final = 4.0
 LEFT_M: Final = 0.5
@@ -22,29 +22,62 @@ LEFT_M: Final = 0.5
 LIKELY_LOG: Final = -7.0
 """Accounts within so much of the best one may be true."""
 CALM_TICKS: Final = 20
+WILD_BEFORE_TICKS: Final = 10
+TAME_S: Final = 8.0
+TURNING_MPS: Final = 1.0
+FIRST_FACTOR: Final = 3.0
+FIRST_WAIT_S: Final = 1.0
+"""The accounts begin so late, and are brought over the latency."""
 LONG_SLIP_S: Final = 15.0
 """From then on wheel and inertial solution are both vouched for."""
 ETCS_M: Final = 5.0
 ETCS_SHARE: Final = 0.05
 """Accuracy of distance that ETCS asks for (SUBSET-041)."""
-UNSEEN_SHARE: Final = 0.1
+UNSEEN_SHARES: Final = (0.1, 0.05)
 UNSEEN_M: Final = 20.0
-"""A slip that no inertial sensor sees: share of the way, and at most (Iwata et al., section 3.1.4: 22.8 m)."""
+"""Slips that no inertial sensor sees: share of the way, up to so much (Iwata et al., section 3.1.4: 22.8 m), and
+beyond it."""
 
 
 @kernel
-def provisional(branches: Branches, now: Record, dt_s: float) -> float:
+def provisional(branches: Branches, now: Record) -> float:
     """What is not settled adds for now [m]."""
     best = branches.x[now.best]
-    own = branches.about[now.best]
     gained = max(0.0, branches.p[now.best, D, D] - now.settled_var)
     apart_m = 0.0
     for i in range(now.branches):
         if branches.about[i].log_weight > LIKELY_LOG:
             apart_m = max(apart_m, abs(branches.x[i, D] - best[D]))
-    if own.mode != ADHERING and (now.tick - own.since) * dt_s > LONG_SLIP_S:
-        apart_m = max(apart_m, abs(lost_way(branches, now)))
     return float(FACTOR * np.sqrt(gained) + apart_m)
+
+
+@kernel
+def contested(branches: Branches, now: Record, dt_s: float) -> float:
+    """What wheel and inertial sensor disagree on in a slip while either may be right [m].
+
+    While the rim has done nothing that a train could not, has not for a while, or the slip is a long one.
+    """
+    own = branches.about[now.best]
+    if own.mode == ADHERING:
+        return 0.0
+    tame_s = (now.tick - max(now.wild_tick, own.slip_since)) * dt_s
+    never_wild = now.wild_tick < own.slip_since - WILD_BEFORE_TICKS
+    long = (now.tick - own.since) * dt_s > LONG_SLIP_S
+    if long or never_wild or (tame_s > TAME_S and abs(now.rim_mps) > TURNING_MPS):
+        return abs(lost_way(branches, now))
+    return 0.0
+
+
+@kernel
+def unconfirmed(branches: Branches, now: Record) -> float:
+    """How far off the way may be because the wheels slipped when all began, as long as they may have [m]."""
+    found_m = 0.0
+    for i in range(now.branches):
+        if branches.about[i].first and branches.about[i].log_weight > LIKELY_LOG:
+            apart_m = abs(branches.x[i, D] - branches.x[now.best, D])
+            sigma_m = np.sqrt(branches.p[i, D, D]) + np.sqrt(branches.p[i, V, V]) * FIRST_WAIT_S
+            found_m = max(found_m, apart_m + FIRST_FACTOR * sigma_m)
+    return found_m
 
 
 @kernel
@@ -52,6 +85,18 @@ def lost_way(branches: Branches, now: Record) -> float:
     """Way by the inertial sensor minus way by the wheel, over the believed account's latest slip [m]."""
     best, own = branches.x[now.best], branches.about[now.best]
     return float((best[D] - own.slip_d_m) - (best[W] - own.slip_w_m))
+
+
+@kernel
+def unseen(now: Record, speed_mps: float, dt_s: float) -> float:
+    """What slips may have cost in a step in which no inertial sensor could see them [m].
+
+    The rim's own acceleration gives some of them away.
+    """
+    share = UNSEEN_SHARES[0] if now.gap_m < UNSEEN_M else UNSEEN_SHARES[1]
+    more_m = (share * abs(speed_mps) + abs(now.rim_mps - now.train_mps)) * dt_s
+    now.gap_m += more_m
+    return float(more_m)
 
 
 @kernel
@@ -65,9 +110,11 @@ def settle(branches: Branches, now: Record) -> None:
         now.excess_m += LEFT_M + FACTOR * np.sqrt(max(0.0, variance - now.settled_var))
         if own.free:
             now.excess_m += abs(lost_way(branches, now))
+            now.contested_m += abs(lost_way(branches, now))
             own.free = 0
         now.unsettled = 0
     now.settled_var = variance
+    now.calm_d_m, now.calm_w_m = branches.x[now.best, D], branches.x[now.best, W]
 
 
 @kernel

@@ -63,7 +63,7 @@ def begin_slip(branches: Branches, source: int, target: int, tick: int) -> None:
     own, x = branches.about[target], branches.x[target]
     own.mode, own.since, own.slip_since = SLIPPING, tick, tick
     own.log_weight += BEGIN_LOG
-    own.walk, own.top_mps, own.free = FIRST_WALK, 0.0, 0
+    own.walk, own.top_mps, own.free, own.first = FIRST_WALK, 0.0, 0, 0
     own.slip_d_m, own.slip_w_m = x[D], x[W]
     branches.p[target, U, U] += FIRST_SLIP_MPS**2
 
@@ -83,7 +83,7 @@ def end_slip(branches: Branches, source: int, target: int, tick: int, creep_var:
     slip_mps = branches.x[target, U]
     own.log_weight += END_LOG + 0.5 * np.log(variance / spread) - 0.5 * slip_mps * slip_mps / spread
     correct(branches.x[target], branches.p[target], U, -slip_mps, variance)
-    own.mode, own.since = ADHERING, tick
+    own.mode, own.since, own.first = ADHERING, tick, 0
 
 
 @kernel

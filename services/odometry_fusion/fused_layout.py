@@ -56,6 +56,8 @@ BRANCH: Final[np.dtype[Any]] = np.dtype([
     ("slip_since", np.int64),
     # the wheel's speed was taken over against the inertial one when the slip ended
     ("free", np.int64),
+    # the account that the wheels slipped when all began
+    ("first", np.int64),
     *(
         (name, np.float64)
         for name in (
@@ -106,6 +108,12 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             # ticks for which all has been calm; for which no inertial sample was usable
             "calm",
             "unsettled",
+            # counts missing: ticks until they are used again, and for which the inertial sensor was missing, too
+            "returning",
+            "both_ticks",
+            # the inertial sensor is turned about the vertical; tick at which the rim was last wild
+            "turned",
+            "wild_tick",
         )
     ),
     *(
@@ -152,6 +160,35 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             "settled_var",
             "before_m",
             "gap_m",
+            # gap in the counts: its length, the way before it and what came over it
+            "gap_s",
+            "count_m",
+            "came_m",
+            # by how much both sensors are late, and the range of speeds since
+            "late_s",
+            "late_least_mps",
+            "late_most_mps",
+            # `inertial_axes`: smoothed, and slowly changing, accelerations of rim and sensor; evidence
+            "axes_s",
+            "smooth_rim_mps",
+            "smooth_ax_mps2",
+            "smooth_ay_mps2",
+            "mean_rim_mps2",
+            "mean_ax_mps2",
+            "mean_ay_mps2",
+            "left_turned",
+            "right_turned",
+            "not_turned",
+            # `fused_rim`
+            "fast_rim_mps",
+            "train_mps",
+            # part of the excess in which wheel and inertial sensor contradicted each other
+            "contested_m",
+            # for how long the inertial sensor is not believed
+            "distrust_s",
+            # D and W when all was last calm
+            "calm_d_m",
+            "calm_w_m",
         )
     ),
 ])  # fmt: skip
@@ -199,6 +236,10 @@ NO_IMU: Final = 3
 NO_PULSES: Final = 4
 NO_SENSOR: Final = 5
 BEYOND: Final = 6
+LATE: Final = 7
+TURNED: Final = 8
+UNCONFIRMED: Final = 9
+CONTRADICTED: Final = 10
 REASONS: Final = (
     "",
     "wheels slip: distance by the inertial sensor",
@@ -207,6 +248,10 @@ REASONS: Final = (
     "no pulses: distance by the inertial sensor",
     "neither pulses nor inertial sensor",
     "the error may exceed 5 m + 5 % of the way",
+    "both sensors were missing and the counter stood: they may be late since",
+    "the inertial sensor is turned about the vertical: distance by the wheel",
+    "begun while moving: the wheels may have slipped then",
+    "the wheel runs smoothly and contradicts the inertial sensor: distance by the wheel",
 )
 
 RULES: Final[np.dtype[Any]] = np.dtype(

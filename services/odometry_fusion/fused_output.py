@@ -8,20 +8,24 @@ import numpy as np
 
 from services.numerics.kernel import kernel
 from services.odometry_fusion.fused_bound import (
-    UNSEEN_M,
-    UNSEEN_SHARE,
     allowed,
+    contested,
     lost_way,
     provisional,
     settle,
+    unconfirmed,
+    unseen,
 )
 from services.odometry_fusion.fused_branch import acceleration
+from services.odometry_fusion.fused_gaps import hidden_by_lateness
 from services.odometry_fusion.fused_layout import (
     BEGAN,
     BEYOND,
+    CONTRADICTED,
     ENDED,
     FINE,
     IN_SLIP,
+    LATE,
     NO_IMU,
     NO_PULSES,
     NO_SENSOR,
@@ -29,6 +33,8 @@ from services.odometry_fusion.fused_layout import (
     OVERDUE,
     SLIPPING,
     TH,
+    TURNED,
+    UNCONFIRMED,
     B,
     Branches,
     D,
@@ -56,6 +62,12 @@ LATE_TICKS: Final = 30
 """A slip that is only found when it has just ended is published all the same, for HOLD_TICKS."""
 DOUBTFUL: Final = 1.75
 """What is open may come to so many times what ETCS allows for before the status is degraded, and the bound as it is."""
+FIRST_MPS: Final = 0.5
+FIRST_SHARE: Final = 0.8
+FIRST_SLIP_M: Final = 3.0
+"""Before the first account is at hand a turning wheel may slip by so much in a second."""
+CONTESTED_SHARE: Final = 0.6
+"""Nor may wheel and inertial sensor be apart by more than this share of it without either being believed."""
 CALM_SHARE: Final = 0.05
 SMOOTHING: Final = 0.3
 """Share of the newest in the acceleration that is held over the latency."""
@@ -86,28 +98,45 @@ def publish(
         now.live_d_m = tick.way_m
         out.speed_mps, out.sensed_distance_m = tick.wheel_speed_mps, tick.aligned_m
         out.speed_bound_mps = abs(tick.wheel_speed_mps) + 1.0
-        _bound(rule, now, 0.0, FINE, VALID, out)
+        moves = abs(tick.wheel_speed_mps) > FIRST_MPS
+        first_m = FIRST_SHARE * abs(tick.wheel_speed_mps) + FIRST_SLIP_M if moves else 0.0
+        _bound(rule, now, first_m, first_m, UNCONFIRMED if moves else FINE, DEGRADED if moves else VALID, out)
         return count
     _calm(now, blind, silent)
     settle(branches, now)
     count = _episodes(row, rule, now, branches, events, count)
     _motion(tick, rule, now, branches, stands, silent, out)
     if blind and not stands:
-        more_m = min(UNSEEN_SHARE * abs(out.speed_mps) * PERIOD_S, UNSEEN_M - now.gap_m)
-        now.gap_m += more_m
-        now.excess_m += more_m
+        unseen_m = unseen(now, out.speed_mps, PERIOD_S)
+        now.excess_m += unseen_m
+        now.contested_m += unseen_m
     elif not blind:
         now.gap_m = 0.0
-    reason, status = FINE, VALID
-    if now.slip != 0:
-        reason = IN_SLIP
-        if now.overdue:
-            reason, status = OVERDUE, DEGRADED
-    if blind or silent:
-        reason = NO_SENSOR if blind and silent else NO_IMU if blind else NO_PULSES
-        status = LOST if blind and silent else DEGRADED
-    _bound(rule, now, now.scale * provisional(branches, now, PERIOD_S), reason, status, out)
+    contested_m = now.scale * (contested(branches, now, PERIOD_S) + hidden_by_lateness(now, branches.x[now.best, V]))
+    unconfirmed_m = now.scale * unconfirmed(branches, now)
+    reason, status = _judge(now, blind, silent, unconfirmed_m > 0.0)
+    contested_m = max(contested_m, unconfirmed_m)
+    provisional_m = max(contested_m, now.scale * provisional(branches, now))
+    _bound(rule, now, provisional_m, contested_m, reason, status, out)
     return count
+
+
+@kernel
+def _judge(now: Record, blind: bool, silent: bool, doubted: bool) -> tuple[int, int]:  # noqa: FBT001 - a kernel takes its arguments by place
+    """Reason and status, but for what the bound says."""
+    if silent:
+        return (NO_SENSOR, LOST) if blind else (NO_PULSES, DEGRADED)
+    for holds, reason in (
+        (now.turned > 0, TURNED),
+        (now.distrust_s > 0.0, CONTRADICTED),
+        (blind, NO_IMU),
+        (now.late_s > 0.0, LATE),
+        (now.slip != 0 and now.overdue > 0, OVERDUE),
+        (doubted, UNCONFIRMED),
+    ):
+        if holds:
+            return reason, DEGRADED
+    return (FINE if now.slip == 0 else IN_SLIP), VALID
 
 
 @kernel
@@ -170,7 +199,7 @@ def _note(row: int, phase: int, now: Record, branches: Branches, events: Records
         event.row, event.phase, event.episode, event.slip = row, phase, now.episode - 1, now.slip
         event.correction_s = (now.tick - now.slip_tick) * PERIOD_S
         event.corrected_m = lost_way(branches, now) * now.scale
-        event.bound_m = provisional(branches, now, PERIOD_S) * now.scale
+        event.bound_m = provisional(branches, now) * now.scale
     return min(count + 1, len(events))
 
 
@@ -214,11 +243,16 @@ def _motion(
 
 
 @kernel
-def _bound(rule: Record, now: Record, provisional_m: float, reason: int, status: int, out: Record) -> None:
+def _bound(
+    rule: Record, now: Record, provisional_m: float, contested_m: float, reason: int, status: int, out: Record
+) -> None:
     """Bound, never above what ETCS allows while all is well; else as large as it must be, and beyond that much lost."""
     most_m = allowed(now.way_m, now.distance_m)
-    bound_m = rule.start_bound_m + rule.share * now.way_m + now.owed_m + now.excess_m + provisional_m
-    if status == VALID and provisional_m > DOUBTFUL * most_m:
+    known_m = rule.start_bound_m + rule.share * now.way_m + now.owed_m + now.excess_m
+    bound_m = known_m + provisional_m
+    if status == VALID and (
+        provisional_m > DOUBTFUL * most_m or contested_m + now.contested_m > CONTESTED_SHARE * most_m
+    ):
         status, reason = DEGRADED, BEYOND
     elif status == VALID:
         # The parts are cautious one by one and their sum more so: errors stay below (docs/odometry_fusion.md).

@@ -18,7 +18,8 @@ from services.odometry_fusion.fused_branch import (
     correct,
     predict,
 )
-from services.odometry_fusion.fused_hypotheses import TRY_TICKS, branch_out, prune, slip_share
+from services.odometry_fusion.fused_gaps import bridge_gap, watch_gap
+from services.odometry_fusion.fused_hypotheses import TRY_TICKS, begin_slip, branch_out, prune, slip_share
 from services.odometry_fusion.fused_layout import (
     ADHERING,
     GRAVITY_MPS2,
@@ -34,6 +35,8 @@ from services.odometry_fusion.fused_layout import (
     W,
 )
 from services.odometry_fusion.fused_output import publish
+from services.odometry_fusion.fused_rim import begin_rim, watch_rim
+from services.odometry_fusion.inertial_axes import forget_axes, watch_axes
 from services.odometry_fusion.inertial_window import sense
 from services.odometry_fusion.motion_log import PERIOD_S, Floats
 from services.odometry_fusion.standstill import watch_standstill
@@ -78,6 +81,20 @@ MOST_WALK: Final = 4.0
 WALK_SHARE: Final = 0.2
 PLAIN_SLIP_MPS: Final = 0.25
 """A slip has shown above this slip speed and twice the micro-slip."""
+FIRST_SLIP_LOG: Final = -3.0
+FIRST_SLIP_S: Final = 4.0
+FIRST_SLIP_MPS: Final = 1.5
+FIRST_SLIP_SHARE: Final = 0.25
+"""The wheels slip when all begins: how likely, for how long in the mean, and by how much (one sigma)."""
+BACKWARDS_MPS: Final = 1.0
+BACKWARDS_LOG: Final = 0.5
+"""No train runs backwards while its wheels turn forwards: what an account of that loses per tick."""
+LONGEST_TAME_S: Final = 25.0
+TURNING_MPS: Final = 1.0
+DISTRUST_S: Final = 30.0
+"""After a slip in which the rim ran as smoothly as a train for so long, the inertial sensor is left out for so long."""
+TAME_TICKS: Final = 50
+NEVER_TICKS: Final = 1_000_000
 STILL_MPS: Final = 0.5
 MOST_STILL_MPS: Final = 2.0
 """A standing wheel stands for a standing train if the account's speed is below these (and three sigma)."""
@@ -94,19 +111,35 @@ def begin_now(now: Record) -> None:
     now.agreement, now.quiet = 1.0, FIRST_QUIET
     now.jitter_mps2 = 1.0
     now.best = 0
+    now.wild_tick = -NEVER_TICKS
 
 
 @kernel
-def begin_branches(branches: Branches, now: Record, way_m: float, speed_mps: float) -> None:
-    """One account, adhering, of which nothing is known but where the wheel is and how fast it turns."""
+def begin_branches(branches: Branches, now: Record, way_m: float, rim_m: float, speed_mps: float) -> None:
+    """One account, adhering, of which nothing is known but where the wheel is and how fast it turns.
+
+    And another, if it turns: that it slips already, the train being faster or slower.
+    """
     begin_state(branches.x[0], branches.p[0])
-    branches.x[0, D] = branches.x[0, W] = way_m
+    branches.x[0, D], branches.x[0, W] = way_m, rim_m
     branches.x[0, V] = speed_mps
     own = branches.about[0]
     own.mode, own.since, own.slip_since = ADHERING, now.tick, now.tick
-    own.log_weight, own.walk, own.top_mps, own.free = 0.0, 0.0, 0.0, 0
-    own.slip_d_m = own.slip_w_m = way_m
+    own.log_weight, own.walk, own.top_mps, own.free, own.first = 0.0, 0.0, 0.0, 0, 0
+    own.slip_d_m, own.slip_w_m = way_m, rim_m
     now.branches, now.best, now.settled_var = 1, 0, FIRST_SIGMAS[D] ** 2
+    now.calm_d_m, now.calm_w_m = way_m, rim_m
+    begin_rim(now)
+    if abs(speed_mps) > STILL_MPS:
+        begin_slip(branches, 0, 1, now.tick)
+        branches.about[1].log_weight, branches.about[1].first = FIRST_SLIP_LOG, 1
+        variance = max(FIRST_SLIP_MPS, FIRST_SLIP_SHARE * abs(speed_mps)) ** 2
+        p = branches.p[1]
+        p[V, V] += variance
+        p[U, U] += variance
+        p[V, U] -= variance
+        p[U, V] -= variance
+        now.branches = 2
 
 
 @kernel
@@ -129,10 +162,12 @@ def _step(
     events: Records,
     count: int,
 ) -> int:
-    blind = tick.imu_missing_s > LONGEST_HOLD_S
+    away = tick.imu_missing_s > LONGEST_HOLD_S
+    blind = away or now.turned > 0 or now.distrust_s > 0.0
     silent_s = tick.tacho_missing_s
     missed = abs(tick.wheel_speed_mps) * silent_s > MISSED_TEETH * rule.pulse_m or silent_s > LONGEST_STILL_S
-    silent = silent_s > LONGEST_HOLD_S and missed
+    latency_ticks = int(np.ceil(rule.latency_s / PERIOD_S))
+    silent = watch_gap(tick, now, blind, silent_s > LONGEST_HOLD_S and missed, latency_ticks)
     now.excess_m += tick.doubt_m
     stands = False
     if not np.isfinite(branches.x[now.best].sum() + branches.p[now.best].sum()):
@@ -143,12 +178,18 @@ def _step(
         else:
             sense(tick, now, branches.x[now.best, V], PERIOD_S)
         stands = _follow(tick, rule, now, branches, blind, silent)
+        if away or silent:
+            forget_axes(now)
+        elif watch_axes(tick, now, branches.x[now.best], PERIOD_S):
+            _begin_again(now, branches, now.calm_d_m, now.calm_w_m)
         if now.tick % TRY_TICKS == 0:
             branch_out(branches, now, not stands and not blind and not silent, PERIOD_S)
             prune(branches, now)
         now.slip_share = slip_share(branches, now)
+        if not silent:
+            _supervise(now, branches)
     elif now.tick * PERIOD_S >= rule.latency_s + FIRST_WAIT_S:
-        begin_branches(branches, now, tick.aligned_m, tick.wheel_speed_mps)
+        begin_branches(branches, now, tick.aligned_m, tick.aligned_m, tick.wheel_speed_mps)
     count = publish(tick, row, rule, now, branches, stands, blind, silent, out, events, count)
     now.tick += 1
     return count
@@ -164,6 +205,10 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
     else:
         moved = abs(tick.way_m - now.before_m) > 0.5 * rule.pulse_m
         variance = rim_variance(z_m, rule.pulse_m, now, PERIOD_S)
+        watch_rim(now, PERIOD_S)
+        if now.gap_s > 0.0:
+            bridge_gap(tick, now, branches, variance, PERIOD_S)
+            now.gap_s = 0.0
         stands = watch_standstill(tick, moved, now, PERIOD_S) and not blind
     now.before_m = tick.way_m
     stands = not silent and stands
@@ -172,13 +217,14 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
     noise[RATE] = BLIND_RATE_VAR if blind else max(now.quiet * now.rate_var, LEAST_RATE_RADPS**2)
     noise[CREEP] = now.creep_var
     noise[ACCELERATION] = BLIND_ACCELERATION if blind else 0.0
-    seen = tick
+    ax_mps2, gx_radps, gy_radps, gz_radps = tick.ax_mps2, tick.gx_radps, tick.gy_radps, tick.gz_radps
     for i in range(now.branches):
         x, p, own = branches.x[i], branches.p[i], branches.about[i]
         noise[WALK] = own.walk
         if blind:
-            seen.ax_mps2 = GRAVITY_MPS2 * np.sin(x[TH]) + x[M] * seen.ay_mps2
-        predict(x, p, own.mode, PERIOD_S, seen, now, noise)
+            tick.ax_mps2 = GRAVITY_MPS2 * np.sin(x[TH]) + x[M] * tick.ay_mps2
+            tick.gx_radps, tick.gy_radps, tick.gz_radps = now.roll_bias_radps, x[B], now.yaw_bias_radps
+        predict(x, p, own.mode, PERIOD_S, tick, now, noise)
         if silent:
             continue
         residual_m = z_m - x[W]
@@ -186,10 +232,43 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
             _watch_walk(x, own, residual_m, variance, now)
         elif i == now.best and not blind:
             _watch_creep(p, own, residual_m, variance, now)
-        own.log_weight += correct(x, p, W, residual_m, variance)
+        if own.mode == SLIPPING and abs(x[V]) > BACKWARDS_MPS and x[V] * (x[W] - own.slip_w_m) < 0.0:
+            own.log_weight -= BACKWARDS_LOG
+        own.log_weight += correct(x, p, W, residual_m, variance) - own.first * PERIOD_S / FIRST_SLIP_S
         if stands and abs(x[V]) < min(STILL_MPS + 3.0 * np.sqrt(p[V, V]), MOST_STILL_MPS):
             _rest(x, p, tick, now)
+    tick.ax_mps2, tick.gx_radps, tick.gy_radps, tick.gz_radps = ax_mps2, gx_radps, gy_radps, gz_radps
     return stands
+
+
+@kernel
+def _begin_again(now: Record, branches: Branches, way_m: float, rim_m: float) -> None:
+    """The inertial sensor was not what it seemed: by the wheel since it was at `rim_m`, and the train at `way_m`.
+
+    What that changes is owned.
+    """
+    x = branches.x[now.best]
+    d_m, w_m = way_m + x[W] - rim_m, x[W]
+    now.excess_m += abs(x[D] - d_m)
+    now.contested_m += abs(x[D] - d_m)
+    begin_branches(branches, now, d_m, w_m, now.rim_mps)
+    now.branches = 1
+
+
+@kernel
+def _supervise(now: Record, branches: Branches) -> None:
+    """End a slip in which the rim has long run as a train does: wheel and inertial sensor contradict each other."""
+    own, x = branches.about[now.best], branches.x[now.best]
+    if now.distrust_s > 0.0 and (now.distrust_s > PERIOD_S or now.tick - now.wild_tick > TAME_TICKS):
+        now.distrust_s -= PERIOD_S
+        if now.distrust_s <= 0.0:
+            now.distrust_s = 0.0
+            begin_branches(branches, now, x[D], x[W], now.rim_mps)
+            return
+    tame_ticks = now.tick - max(own.slip_since, now.wild_tick)
+    if own.mode == SLIPPING and tame_ticks * PERIOD_S > LONGEST_TAME_S and abs(now.rim_mps) > TURNING_MPS:
+        now.distrust_s = DISTRUST_S
+        _begin_again(now, branches, own.slip_d_m, own.slip_w_m)
 
 
 @kernel

@@ -47,7 +47,7 @@ def fresh(speed_mps: float = 10.0) -> tuple[Branches, Records]:
     now = np.zeros(1, NOW)
     begin_now(now[0])
     branches = Branches(np.zeros((ROOM, SIZE)), np.zeros((ROOM, SIZE, SIZE)), np.zeros(ROOM, BRANCH))
-    begin_branches(branches, now[0], 0.0, speed_mps)
+    begin_branches(branches, now[0], 0.0, 0.0, speed_mps)
     return branches, now
 
 
