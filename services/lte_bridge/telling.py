@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from schemas.bridge import BridgeStatus
@@ -10,6 +11,8 @@ from services.lte_bridge.filling import Filling
 from services.lte_bridge.lane import LANES, Lane
 from services.lte_bridge.spool_table_store import LaneTotals
 
+DROPPED_SHOWN_S = 600.0
+"""Drops are a reason for health for so long; they are counted for ever."""
 LINKED_S = 10.0
 """The far end counts as linked this long after its last acknowledgement."""
 
@@ -47,6 +50,9 @@ class Progress:
     faults: dict[Lane, str] = field(default_factory=dict)
     """Why the last attempt of a lane had no success."""
     _filling: Filling = field(default_factory=Filling)
+    _dropped: int | None = None
+    _dropped_s: float = -math.inf
+    """When the number of drops last grew."""
 
     def succeeded(self, lane: Lane, records: int, delay_s: float, now_s: float) -> None:
         """Take note of an acknowledgement."""
@@ -60,6 +66,10 @@ class Progress:
         self._filling.note(now_s, held.bytes)
         if not held.records:
             self.linked_s = now_s
+        dropped = held.lanes["bulk"].dropped + unspooled["bulk"]
+        if self._dropped is not None and dropped > self._dropped:
+            self._dropped_s = now_s
+        self._dropped = dropped
         return BridgeStatus(
             t_ns=t_ns,
             linked=now_s - self.linked_s < LINKED_S,
@@ -70,7 +80,7 @@ class Progress:
             delay_events_s=self.delays["events"],
             delay_bulk_s=self.delays["bulk"],
             acknowledged=self.acknowledged,
-            dropped_bulk=held.lanes["bulk"].dropped + unspooled["bulk"],
+            dropped_bulk=dropped,
             dropped_events=held.lanes["events"].dropped + unspooled["events"],
             quarantined=held.quarantined,
             full_in_s=self._filling.full_in_s(now_s, held.bytes, held.cap_bytes),
@@ -87,8 +97,8 @@ class Progress:
             "full": ("failed", f"the spool is full of events: {told.dropped_events} dropped so far")
             if held.full_of_events
             else None,
-            "dropped": ("degraded", f"{told.dropped_bulk} bulk records dropped since the spool was made")
-            if told.dropped_bulk
+            "dropped": ("degraded", f"dropping the oldest bulk: {told.dropped_bulk} since the spool was made")
+            if now_s - self._dropped_s < DROPPED_SHOWN_S
             else None,
         }
 

@@ -18,7 +18,7 @@ from services.lte_bridge.pace import LEAST_BATCH_BYTES, MOST_BATCH_BYTES, MOST_T
 from services.lte_bridge.pending import Pending
 from services.lte_bridge.settings import Settings
 from services.lte_bridge.spool_table_store import LaneTotals
-from services.lte_bridge.telling import LINKED_S, Held, Progress
+from services.lte_bridge.telling import DROPPED_SHOWN_S, LINKED_S, Held, Progress
 from tests.unit.lte_bridge.records import EVENT_KEY, batch, record
 
 
@@ -162,6 +162,7 @@ def test_reasons_are_given_in_words_and_taken_back() -> None:
     reasons = progress.reasons(held(3, full=True, dropped=2), told, now_s)
     assert reasons["link"] == ("degraded", "6 records wait, none acknowledged for 10 s: nobody answered at x")
     assert reasons["full"] == ("failed", "the spool is full of events: 3 dropped so far")
-    assert reasons["dropped"] == ("degraded", "2 bulk records dropped since the spool was made")
+    assert reasons["dropped"] == ("degraded", "dropping the oldest bulk: 2 since the spool was made")
+    assert progress.reasons(held(3, dropped=2), told, now_s + DROPPED_SHOWN_S)["dropped"] is None
     progress.succeeded("bulk", 6, -1.0, now_s)
     assert (progress.acknowledged, progress.delays["bulk"], progress.faults) == (6, 0.0, {})
