@@ -61,7 +61,7 @@ class PaperSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     """③ of equation (13). The paper takes 1.23, the steepest gradient once more, for a start point chosen by jerk."""
     share: Annotated[float, Meta(ge=0.0, le=0.2)] = 0.02
     """Relative error of distance outside slips (section 4.3.1)."""
-    wear_share: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.01
+    wear_share: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.015
     """Added to it: a wheel that is off by the 2 % alone leaves nothing for micro-slip, which the paper's line had
     little of."""
     undetected_m: NotNegative = 2.0
