@@ -104,8 +104,11 @@ class FieldReader(Generic[M]):
 
 
 def _plain(value: object) -> float | None:
-    """A number, whether or not it is text; None for what is none."""
+    """A number, whether or not it is text; None for what is none. Nanoseconds need all the digits of an integer."""
     try:
+        if isinstance(value, int) or (isinstance(value, str) and value.isascii() and value.isdigit()):
+            whole = int(value)
+            return whole if abs(whole) < _LATEST else None
         number = float(value) if isinstance(value, int | float | str) else float("nan")
     except (ValueError, OverflowError):
         return None

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from schemas.radio import RadioMeasurement
 from services.radio_probe.report_fields import FieldReader
 from services.simulator.command import fault, simulate
+from services.simulator.fault_board import FaultBoard
 from services.simulator.radio_passes import radio_pass, world_of
 from services.simulator.radio_passes_file import write_radio_passes
 from services.simulator.radio_scenario import RadioScenario, radio_scenario_from_toml
@@ -118,6 +119,26 @@ def test_what_is_wrong_in_a_scenario_is_named(text: str, words: str) -> None:
     with pytest.raises(ScenarioError) as error:
         radio_scenario_from_toml(text)
     assert words in str(error.value)
+
+
+def test_faults_of_a_train_s_scenario_have_their_place() -> None:
+    text = 'kind = "radio_obstruction"\nat_s = 2.0\nseconds = 3.0\nstart_axis_m = 900.0\nradio = "R01"\n'
+    scenario = train_scenario_from_toml(f'name = "x"\nline = "demo"\n[radio]\n[[faults]]\n{text}')
+    board = FaultBoard(scenario.faults)
+    for now_s, since_s in ((1.0, []), (2.5, [2.0]), (5.0, [])):
+        board.at(now_s)
+        assert [one.since_s for one in board.radio()] == since_s
+    board = FaultBoard(scenario.faults)
+    board.at(3.0)
+    (one,) = board.radio()
+    assert (one.kind, one.magnitude, one.where.start_axis_m, one.where.radio) == (
+        "radio_obstruction",
+        15.0,
+        900.0,
+        "R01",
+    )
+    with pytest.raises(ScenarioError, match="no radios"):
+        train_scenario_from_toml('name = "x"\n[track]\n[radio]\n')
 
 
 def test_the_command_writes_passes(tmp_path: Path) -> None:
