@@ -35,6 +35,8 @@ COMB_SIGMAS: Final = 8.0
 """Excess of the harmonics' mean over its expectation, in standard deviations, that makes a comb."""
 WIDEST: Final = 0.1
 """Greatest standard deviation taken for that, relative to the expectation: a comb widens its neighbours' votes."""
+COMMON: Final = 0.25
+"""Share of that excess which the median of the harmonics must have."""
 RELATIVE_LIMIT: Final = 30.0
 """Power over the median at which one line's vote for a comb is cut, so that a single tone makes none."""
 
@@ -52,6 +54,8 @@ class ToneFinder:
         self._found = np.empty(0)
         self._window = np.empty(0)
         self._latest = self._power
+        self.lines = np.empty(0)
+        """Of the tones, those that stand out by themselves."""
 
     def take(self, samples: NDArray[np.complex128]) -> None:
         """Add a burst (at least a few hundred samples; what exceeds SIZE is left out)."""
@@ -88,8 +92,10 @@ class ToneFinder:
         comb = self._comb(np.minimum(relative, RELATIVE_LIMIT), carrier_hz)
         lines = self._lines(relative)
         if len(comb) and len(lines):
-            apart = np.min(np.abs(lines[:, None] - comb[None, :]), axis=1)
-            lines = lines[apart > 4.0 / SIZE]
+            # What was measured says better where a line stands than the comb, which may be none.
+            apart = np.min(np.abs(comb[:, None] - lines[None, :]), axis=1)
+            comb = comb[apart > 4.0 / SIZE]
+        self.lines = np.sort(lines)
         return np.concatenate([comb, lines])
 
     def _lines(self, relative: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -115,11 +121,14 @@ class ToneFinder:
             order = order[order > 0]
             grid = nominal + np.arange(-MAINS_TOLERANCE_HZ, MAINS_TOLERANCE_HZ, MAINS_STEP_HZ)
             place = (grid[:, None] * order - carrier_hz) / self._rate_hz
-            score = relative[np.rint(place * SIZE).astype(np.int64) % SIZE].mean(axis=1)
+            places = np.rint(place * SIZE).astype(np.int64) % SIZE
+            score = relative[places].mean(axis=1)
             best = int(np.argmax(score))
             middle = float(np.median(score))
             spread = min(1.48 * float(np.median(np.abs(score - middle))), WIDEST * middle)
-            if score[best] > middle + COMB_SIGMAS * spread:
+            # Of a comb most harmonics stand out, not one or two alone.
+            common = float(np.median(relative[places[best]]) - np.median(relative))
+            if score[best] > middle + COMB_SIGMAS * spread and common > COMMON * (score[best] - middle):
                 inside = np.abs(place[best]) < NYQUIST
                 return np.asarray(place[best][inside], np.float64)
         return np.empty(0)

@@ -21,7 +21,7 @@ OWN_CHIP_RATES: Final = 0.0125
 """CH1's own lines, where its data repeat, are no further than this from half the chip rate off the carrier."""
 CLEANER_DB: Final = 0.2
 """By how much a burst must become better for more tones to be taken out of it."""
-WORSE_DB: Final = 1.0
+WORSE_DB: Final = 1.5
 """By how much the next bursts may be worse than the one by which that was decided, before it is decided anew."""
 URGENT_DB: Final = 2.0
 """By how much the latest burst must be worse than the best of late for tones to be sought before their time."""
@@ -32,9 +32,6 @@ GOOD_DB: Final = -14.0
 
 DOUBTFUL_DB: Final = -8.0
 """Above, decisions are so often wrong that it pays to measure the tones once more behind the signal."""
-
-FEW: Final = 48
-"""Tones; among more, a whole comb, it does not matter whether CH1's own lines go with them."""
 
 NONE: Final = np.empty(0)
 
@@ -51,9 +48,10 @@ class _Received:
 class CleanReception:
     """A receiver behind a search for tones.
 
-    CH1 itself may be a tone for a time. So there are several ways to receive a burst: as it is, without the tones that
-    cannot be CH1's, without all of them; and once decided, the signal is taken away before the tones are measured. All
-    are tried for the first burst after each search, and when the best one gets worse; in between, that one alone.
+    CH1 itself may be a tone for a time, and a comb may be none. So there are several ways to receive a burst: as it is,
+    without the lines that cannot be CH1's, without all lines, without the comb as well; and where decisions are
+    doubtful, the signal is taken away before the tones are measured once more. All ways are tried for the first burst
+    after each search, and when the best one gets worse; in between, that one alone.
     """
 
     def __init__(self, profile: Profile, receiver: Receiver) -> None:
@@ -100,9 +98,11 @@ class CleanReception:
     def _prepare(self, tones: NDArray[np.float64], count: int) -> None:
         """Ways to receive bursts of `count` samples: each takes out more than the one before."""
         self._found, self._count, self._least_db = tones, count, -np.inf
-        own = np.abs(np.abs(tones) - 0.25) < 0.5 * OWN_CHIP_RATES
-        sets = [tones] if len(tones) > FEW or not own.any() else [tones[~own], tones]
-        self._ways, self._removals = [NONE, *(part for part in sets if len(part))], {}
+        lines = self._finder.lines
+        own = np.abs(np.abs(lines) - 0.25) < 0.5 * OWN_CHIP_RATES
+        parts = (lines[~own], lines) if len(lines) == len(tones) else (lines, tones)
+        sets = {len(part): part for part in parts}
+        self._ways, self._removals = [NONE, *(part for size, part in sets.items() if size)], {}
         self._best = min(self._best, len(self._ways) - 1)
 
     def _received(self, burst: Burst, number: int) -> _Received:

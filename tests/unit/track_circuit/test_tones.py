@@ -77,3 +77,15 @@ def test_lines_that_drift_are_followed(hz_per_s: float) -> None:
         assert np.array_equal((found.soft < 0.0)[2:-2], (bits == 1)[2:-2])
     # Without the line it is -21 dB; between two searches it moves by up to a fifth of what a burst resolves.
     assert np.median(errors_db) < -17.0
+
+
+@pytest.mark.parametrize("size", [1.0, 30.0])
+def test_a_single_line_is_no_comb(size: float) -> None:
+    generator = np.random.default_rng(5)
+    finder = ToneFinder(9_600.0)
+    for number in range(40):
+        at_s = (np.arange(2_206) + 2_048 * number) / 9_600.0
+        line = size * np.exp(-2j * np.pi * 2_379.0 * at_s)
+        finder.take(line + generator.normal(size=2_206) + 1j * generator.normal(size=2_206))
+        assert len(finder.tones(12_000.0, urgent=True)) <= 4  # the line, and noise that stands out once in a while
+    assert np.min(np.abs(finder.lines * 9_600.0 + 2_379.0)) < 1.0
