@@ -1,0 +1,83 @@
+"""`kirotei runs`: what runs cost, from logs of positions."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    no_args_is_help=True, help="Running time and traction energy of runs, from logs.", rich_markup_mode=None
+)
+
+
+@app.callback()
+def runs() -> None:
+    """Keep the commands below `runs`."""
+
+
+@app.command()
+def analyse(
+    *,
+    log: Annotated[Path, typer.Option("--log", help="CSV, Parquet, GPX or NMEA file, or a folder of them.")],
+    line: Annotated[Path, typer.Option("--line", help="Line file, or 'demo'.")],
+    vehicle: Annotated[Path, typer.Option("--vehicle", help="vehicle.toml.")],
+    out: Annotated[Path, typer.Option("--out", help="runs.csv.")],
+    timetable: Annotated[
+        Path | None, typer.Option("--timetable", help="CSV with from, to, running_time_s: scheduled times.")
+    ] = None,
+    window: Annotated[
+        float | None,
+        typer.Option("--window", min=1.0, max=60.0, help="Moving average of the speed [s] instead of the smoother."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
+) -> None:
+    """Cut logs into legs from station to station: running time, traction energy, quality.
+
+    Example: kirotei runs analyse --log logs/ --line line.json --vehicle vehicle.toml --out runs.csv
+    """
+    from services.line.alignment import alignment_of, routes
+    from services.line.line_file import load_line
+    from services.run_history.run_analysis import analyse_run
+    from services.run_history.run_rows import RunRow, normalised, row_of
+    from services.run_history.runs_file import write_runs
+    from services.run_history.runs_log_file import read_runs
+    from services.run_history.timetable_file import read_timetable
+    from services.run_history.vehicle_file import read_vehicle
+    from services.runtime.told_command import UsageError, told
+
+    with told("runs analyse"):
+        whole = load_line(line).line
+        if len(whole.stations) < 2:  # noqa: PLR2004 - a leg needs two
+            msg = f"{line}: a line with two stations at least is needed to cut runs into legs"
+            raise UsageError(msg)
+        ways = [alignment_of(whole, branch) for branch in routes(whole)]
+        train = read_vehicle(vehicle)
+        scheduled = read_timetable(timetable) if timetable is not None else {}
+        rows: list[RunRow] = []
+        notes: list[str] = []
+        count = 0
+        for run in read_runs(log):
+            count += 1
+            result = analyse_run(run, ways, whole.stations, train, window)
+            rows += [row_of(leg, train.group, scheduled, window) for leg in result.legs]
+            if result.note:
+                notes.append(f"{result.run_id}: {result.note}")
+            if sys.stderr.isatty():
+                sys.stderr.write(f"\r{count} runs, {len(rows)} legs")
+        write_runs(out, normalised(rows))
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\033[K")
+    counted = [row for row in rows if not row.excluded_because]
+    if as_json:
+        summary = {"runs": count, "legs": len(rows), "counted": len(counted), "notes": notes, "out": str(out)}
+        typer.echo(json.dumps(summary, ensure_ascii=False))
+        return
+    for note in notes:
+        typer.echo(f"note: {note}", err=True)
+    typer.echo(f"{count} runs, {len(rows)} legs, {len(counted)} of them counted, into {out}")
+    if train.assumed():
+        typer.echo(f"{vehicle}: assumed, for no source is stated: {', '.join(train.assumed())}")

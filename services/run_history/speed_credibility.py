@@ -1,0 +1,119 @@
+"""Speeds that cannot be: held zeros after a departure, zeros in full run, frozen values, spikes.
+
+Phones hold the speed at zero for ten seconds and more after a departure, and then jump to the true one; they
+drop to zero in mid-run; some receivers repeat one value for minutes. Such speeds are left out (NaN), with the
+reason counted, and the smoother bridges them by places and by what was measured around them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+ZERO_MPS: Final = 0.1
+STRONGEST_MPS2: Final = 1.5
+"""No train starts harder; a jump from zero beyond this was a zero that was held."""
+HARDEST_MPS2: Final = 2.5
+"""Nor brakes harder; a drop to zero beyond this is no stop."""
+JUMP_MPS: Final = 1.8
+DROP_MPS: Final = 5.5
+"""Slower, many receivers fall to zero at once as the train stops."""
+REGAINED_SHARE: Final = 0.7
+SLOPE_S: Final = 5.0
+"""After a jump the acceleration is taken from so long."""
+MOST_HELD_S: Final = 30.0
+FROZEN_S: Final = 8.0
+"""The same speed to the last digit for so long while moving is no measurement."""
+SPIKE_MPS: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Credible:
+    """Speeds without what cannot be."""
+
+    speed_mps: Floats
+    """NaN where a speed was left out; shape (n,)."""
+    held: int
+    dropped: int
+    frozen: int
+    spikes: int
+
+
+def credible_speeds(t_s: Floats, speed_mps: Floats, fastest_mps: float) -> Credible:
+    """Speeds that can be, without sign; `fastest_mps` is what the train cannot exceed. Times rise. Shapes (n,)."""
+    speed = np.where((speed_mps >= 0.0) & (speed_mps <= fastest_mps), speed_mps, np.nan)
+    spikes = int(np.sum(np.isfinite(speed_mps) & ~np.isfinite(speed)))
+    frozen = _leave_out_frozen(t_s, speed)
+    dropped = _leave_out_drops(t_s, speed)
+    held = _leave_out_held(t_s, speed)
+    spikes += _leave_out_spikes(t_s, speed)
+    return Credible(speed, held, dropped, frozen, spikes)
+
+
+def _leave_out_frozen(t_s: Floats, speed: Floats) -> int:
+    changed = np.concatenate(([True], speed[1:] != speed[:-1], [True]))
+    edges = np.flatnonzero(changed)
+    count = 0
+    for first, past in pairwise(edges):
+        if speed[first] > ZERO_MPS and past - first > 2 and t_s[past - 1] - t_s[first] >= FROZEN_S:  # noqa: PLR2004 - a repetition is no run
+            speed[first + 1 : past] = np.nan
+            count += int(past - first - 1)
+    return count
+
+
+def _leave_out_drops(t_s: Floats, speed: Floats) -> int:
+    """What follows a fall to zero that no brake can do, until most of the speed is back."""
+    count = 0
+    last = -1
+    lost = 0.0
+    for i in range(len(speed)):
+        if not np.isfinite(speed[i]):
+            continue
+        if lost > 0.0 and (speed[i] > REGAINED_SHARE * lost or t_s[i] - t_s[last] > MOST_HELD_S):
+            lost = 0.0
+        if lost == 0.0 and last >= 0 and speed[i] <= ZERO_MPS:
+            before = speed[last]
+            lost = before if before > DROP_MPS and before > HARDEST_MPS2 * (t_s[i] - t_s[last]) else 0.0
+        if lost > 0.0:
+            speed[i] = np.nan
+            count += 1
+        else:
+            last = i
+    return count
+
+
+def _leave_out_held(t_s: Floats, speed: Floats) -> int:
+    """Zeros that were held after a departure, found by the jump that ends them."""
+    known = np.flatnonzero(np.isfinite(speed))
+    count = 0
+    for before, after in pairwise(known):
+        jump = speed[after]
+        if speed[before] > ZERO_MPS or jump < JUMP_MPS or jump < STRONGEST_MPS2 * (t_s[after] - t_s[before]):
+            continue
+        window = (t_s >= t_s[after]) & (t_s <= t_s[after] + SLOPE_S) & np.isfinite(speed)
+        if window.sum() < 3:  # noqa: PLR2004 - a slope needs three
+            continue
+        slope = float(np.polyfit(t_s[window] - t_s[after], speed[window], 1)[0])
+        began_s = t_s[after] - min(jump / float(np.clip(slope, 0.15, STRONGEST_MPS2)), MOST_HELD_S)
+        held = (t_s > began_s) & (t_s < t_s[after]) & (speed <= ZERO_MPS)
+        speed[held] = np.nan
+        count += int(held.sum())
+    return count
+
+
+def _leave_out_spikes(t_s: Floats, speed: Floats) -> int:
+    """Single values far from both neighbours, which agree with each other."""
+    known = np.flatnonzero(np.isfinite(speed))
+    if len(known) < 3:  # noqa: PLR2004 - a neighbour on either side
+        return 0
+    v, t = speed[known], t_s[known]
+    expected = v[:-2] + (v[2:] - v[:-2]) * (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
+    off = np.abs(v[1:-1] - expected) > SPIKE_MPS + STRONGEST_MPS2 * (t[2:] - t[:-2]) / 2.0
+    wild = known[1:-1][off]
+    speed[wild] = np.nan
+    return len(wild)
