@@ -18,7 +18,7 @@ from services.landmark_matching.live_matching import LiveMatching
 from services.landmark_matching.settings import MatchSettings
 from services.odometry_fusion.live_odometry import LiveOdometry
 from services.simulator.motion_settings import Adhesion, Tacho
-from services.simulator.train_scenario import Journey, TrainScenario
+from services.simulator.train_scenario import Journey, TimedFault, TrainScenario
 from services.train_position.evaluation import judge
 from services.train_position.keeper import PositionKeeper
 from services.train_position.positions_file import positions_of, truth_of
@@ -91,6 +91,7 @@ FAULTS: dict[FaultKind, Callable[[Chain, Judge], bool]] = {
     "imu_frozen": told_by_odometry,
     "imu_saturated": told_by_odometry,
     "imu_late": told_by_odometry,
+    "imu_axes_swapped": told_by_odometry,
     "tacho_late": told_by_odometry,
     "tacho_lost": told_by_odometry,
     "tacho_stuck": told_as_slip,
@@ -111,12 +112,18 @@ def test_a_fault_is_told_and_the_bounds_hold(sound: Chain, kind: FaultKind) -> N
     assert FAULTS[kind](chain, found), ([one.phase for one in chain.episodes], found.positions[-1].reason)
 
 
-def test_both_sensors_late_at_once_are_not_believed(sound: Chain) -> None:
+def test_a_sensor_turned_about_the_vertical_from_the_start_is_told_and_the_bounds_hold() -> None:
+    chain, found = driven(scenario(faults=(TimedFault(kind="imu_axes_swapped", at_s=0.5, seconds=60.0),)), FAULT_S)
+    require_true(chain, found)
+    assert any(map(degraded, found.positions))
+
+
+def test_both_sensors_late_at_once_are_told_and_the_bounds_hold(sound: Chain) -> None:
     chain, found = befallen(sound, ("imu_late", "tacho_late"), 25.0)
     chain.run(RUN_S - FAULT_S)
     require_true(chain, found)
-    assert "not believed" in found.positions[-1].reason
-    assert "not believed" not in found.positions[round(10.0 * (FAULT_S - 1.0))].reason
+    assert found.positions[-1].status == "degraded"
+    assert found.positions[round(10.0 * (FAULT_S - 1.0))].status == "valid"
 
 
 @pytest.mark.parametrize("position_too", [False, True])
