@@ -103,7 +103,7 @@ def site_rows(path: Path) -> list[Row]:
 
 def paper_rows(placements: int) -> list[Row]:
     """The paper's rule on the paper's own set-up (Nakaune, Table 2)."""
-    passes = simulated("radio_table2", 15)
+    passes = simulated("radio_table2", 10)
     rows = placement_rows(passes, "table 2, simulated", placements)
     return [
         Row(row.figure, row.on, row.line, row.paper, row.always, ">= 100 (paper)", (row.paper or 0.0) >= 100.0)  # noqa: PLR2004 - every one

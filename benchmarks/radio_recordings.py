@@ -52,9 +52,9 @@ def simulated(name: str, days: int) -> list[Pass]:
     """Passes of a scenario that comes with the simulator, over its first days."""
     text = resources.files("services.simulator").joinpath("scenarios", f"{name}.toml").read_text("utf-8")
     scenario = radio_scenario_from_toml(text)
-    return scenario_passes(
-        msgspec.structs.replace(scenario, passes=msgspec.structs.replace(scenario.passes, days=days))
-    )
+    passes = msgspec.structs.replace(scenario.passes, days=days)
+    radio = msgspec.structs.replace(scenario.radio, period_s=1.0)
+    return scenario_passes(msgspec.structs.replace(scenario, passes=passes, radio=radio))
 
 
 def scenario_passes(scenario: RadioScenario) -> list[Pass]:

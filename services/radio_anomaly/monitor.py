@@ -14,11 +14,12 @@ from services.radio_anomaly.baseline import Mask
 from services.radio_anomaly.cause import snowing
 from services.radio_anomaly.event_book import EventBook
 from services.radio_anomaly.passes import Bin, Journey, plain
+from services.radio_anomaly.peeling import peel
 from services.radio_anomaly.precursor import Point, Trend, TrendMemory, drifts, held_back, trend_of, trend_points
 from services.radio_anomaly.presence import Presence, Silence
 from services.radio_anomaly.reception_curve import ReceptionCurve
 from services.radio_anomaly.settings import Settings
-from services.radio_anomaly.steps import Finding, Stream, WindowMemory, find_steps, window_sums
+from services.radio_anomaly.steps import Finding, Stream, WindowMemory, agrees
 from services.radio_anomaly.stream_state import FOLLOWED, TESTED, StreamState, View, mean_temperature, view_of
 from services.radio_anomaly.weather_map import Sky, no_weather
 from services.radio_anomaly.window_test import Correlation, WindowSum
@@ -149,16 +150,28 @@ class Monitor:
                     continue
                 stream = (quantity, *key)
                 views[stream] = view
+                followed = view.tests
                 if self._tested(stream, views):
-                    sums[stream] = window_sums(view.tests, self.settings)
-                    findings += find_steps(stream, sums[stream], view.extent, self.windows, self.settings)
+                    peeled = peel(
+                        stream,
+                        view.residuals,
+                        view.tests,
+                        self.windows,
+                        self.settings,
+                        self.correlation,
+                        site=not journey.direction,
+                    )
+                    sums[stream] = peeled.sums
+                    findings += peeled.findings
+                    followed = peeled.rest
                 if quantity == "decoded" and stream not in sums:
                     continue
-                points[stream] = trend_points(view.tests, journey.first_ns, self.settings)
+                points[stream] = trend_points(view.tests, followed, journey.first_ns, self.settings)
                 trends += [
                     trend
                     for window, point in points[stream].items()
                     if (trend := self._trend(stream, window, point)) is not None
+                    and (not window[1] or agrees(view.residuals, window, trend.level))
                 ]
         return Judgement(
             views=views,

@@ -83,24 +83,27 @@ class TrendMemory:
             self.kept[(*stream, start, length)] = self.series(stream, start, length, point)
 
 
-def trend_points(tests: Sequence[PassTest], t_ns: int, settings: Settings) -> dict[tuple[int, int], Point]:
-    """A pass's word on the whole line (0, 0), and on windows half overlapping each other."""
+def trend_points(
+    tests: Sequence[PassTest], rest: Sequence[PassTest], t_ns: int, settings: Settings
+) -> dict[tuple[int, int], Point]:
+    """A pass's word on the whole line (0, 0), and on windows half overlapping each other.
+
+    The whole line's is that of the sections in no finding (`rest`), a window's with all that it has.
+    """
     found: dict[tuple[int, int], Point] = {}
-    pull = information = shared = 0.0
-    length = settings.trend_window
+    half = max(settings.trend_window // 2, 1)
     for test in tests:
-        all_pull, all_information = test.over(0, len(test.sections))
-        pull, information = pull + all_pull, information + all_information
-        shared = max(shared, test.shared_variance)
-        half = max(length // 2, 1)
         for number in sorted({int(section) // half - k for section in test.sections for k in (0, 1)}):
-            one = test.window(number * half, length)
+            one = test.window(number * half, settings.trend_window)
             if one is not None:
                 # The mean's error over the window: as over the pass, but averaged over fewer sections.
                 wider = test.shared_variance * max(len(test.sections) / one.observed, 1.0)
-                found[(one.start, length)] = Point(t_ns, one.pull, one.information, wider)
+                found[(one.start, one.length)] = Point(t_ns, one.pull, one.information, wider)
+    sums = [test.over(0, len(test.sections)) for test in rest]
+    information = sum(info for _, info in sums)
     if information:
-        found[(0, 0)] = Point(t_ns, pull, information, shared)
+        shared = max(test.shared_variance for test in rest)
+        found[(0, 0)] = Point(t_ns, sum(pull for pull, _ in sums), information, shared)
     return found
 
 

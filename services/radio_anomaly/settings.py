@@ -29,11 +29,11 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Lengths of the spatial windows, in sections."""
     least_change_db: Positive = 3.0
     """A change of the mean over a window that is worth a word."""
-    certain_score: Positive = 6.0
+    certain_score: Positive = 6.3
     """On one pass, in standard deviations."""
-    confirmed_score: Positive = 4.0
+    confirmed_score: Positive = 4.2
     """Of two or three passes together; each of them has at least `each_score`."""
-    each_score: Positive = 1.0
+    each_score: Positive = 1.5
     suspect_score: Positive = 3.5
     """On one pass: told unconfirmed, and not learned from."""
     half_life_days: Positive = 120.0

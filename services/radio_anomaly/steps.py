@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 
 import msgspec
+import numpy as np
 
 from services.radio_anomaly.settings import Settings
-from services.radio_anomaly.window_test import WHOLE, PassTest, WindowSum, whole_sum
+from services.radio_anomaly.window_test import WHOLE, PassTest, Residuals, WindowSum, whole_sum
 
 BEFORE = 2
 """Earlier passes over a window that are remembered."""
@@ -69,11 +70,12 @@ def window_sums(tests: Sequence[PassTest], settings: Settings) -> list[WindowSum
 
 
 def find_steps(
-    stream: Stream, sums: Iterable[WindowSum], extent: tuple[int, int], memory: WindowMemory, settings: Settings
+    stream: Stream, sums: Iterable[WindowSum], residuals: Residuals, memory: WindowMemory, settings: Settings
 ) -> list[Finding]:
     """Windows off their mean, the clearest first, none overlapping a clearer one.
 
-    `extent`: first section of the pass and how many it spans, for the window that is the whole of it.
+    The plain mean of the window's residuals has to agree with the estimate: a change against the rest of the pass alone
+    is the rest's.
 
     Confirmed: this pass alone is beyond `certain_score`, or two or three passes together are beyond
     `confirmed_score` with each of them pointing the same way. Not confirmed: this pass is beyond `suspect_score`.
@@ -85,9 +87,11 @@ def find_steps(
         if abs(one.pull) >= settings.each_score * math.sqrt(one.information)
         if (finding := _judge(stream, one, memory.before(stream, one.start, one.length), settings, least)) is not None
     ]
+    low, high = int(residuals.sections[0]), int(residuals.sections[-1])
     found = [
-        one if one.length != WHOLE else msgspec.structs.replace(one, start=extent[0], length=extent[1]) for one in found
+        one if one.length != WHOLE else msgspec.structs.replace(one, start=low, length=high - low + 1) for one in found
     ]
+    found = [one for one in found if agrees(residuals, (one.start, one.length), one.change)]
     found.sort(key=lambda one: (not one.confirmed, -abs(one.score), one.start, one.length))
     taken: set[int] = set()
     kept = []
@@ -131,3 +135,13 @@ def _judge(
         passes=passes,
         confirmed=confirmed,
     )
+
+
+AGREEING_SHARE = 0.5
+
+
+def agrees(residuals: Residuals, stretch: tuple[int, int], change: float) -> bool:
+    """Whether the plain mean of a stretch's residuals is at least half of an estimated change."""
+    first, past = np.searchsorted(residuals.sections, (stretch[0], stretch[0] + stretch[1]))
+    plain = float(residuals.residual[first:past].mean())
+    return plain * math.copysign(1.0, change) >= AGREEING_SHARE * abs(change)

@@ -13,7 +13,7 @@ import numpy as np
 from services.radio_anomaly.baseline import Baseline, Book, Mask, one
 from services.radio_anomaly.passes import Bin, Journey, transformed
 from services.radio_anomaly.settings import Settings
-from services.radio_anomaly.window_test import Correlation, Floats, PassTest, Residuals, chunks
+from services.radio_anomaly.window_test import Correlation, Floats, PassTest, Residuals, pass_tests
 
 POWERS: Final = ("power", "decoded")
 TESTED: Final = ("power", "decoded", "reception")
@@ -136,7 +136,7 @@ def view_of(
     residuals = Residuals(
         sections, table[:, 1] / table[:, 0], table[:, 2] / table[:, 0], table[:, 4].copy(), table[:, 5].copy()
     )
-    tests = tuple(PassTest(part, correlation, site=not direction) for part in chunks(residuals))
+    tests = pass_tests(residuals, correlation, site=not direction)
     return View(residuals, table[:, 3] / table[:, 0], tests)
 
 

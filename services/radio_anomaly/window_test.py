@@ -1,7 +1,8 @@
 """Is a stretch of the line off its mean? Generalised least squares over windows of sections.
 
-The residuals r of one pass have covariance K: each section's own variance, a share common to the whole
-pass (the train's day), and one that fades along the line (shadowing). For a change δ over the sections
+The residuals r of one pass have covariance K. What passes differ by: each section's own variance, a share common
+to the whole pass (the train's day), and one that fades along the line (shadowing). And the error of the learned
+mean, which neighbours share. For a change δ over the sections
 of a window, marked by d, the best estimate and its variance (Aitken 1935) are
 
     δ = dᵀK⁻¹r / dᵀK⁻¹d,   var δ = 1 / dᵀK⁻¹d.
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-CLIP: Final = 3.5
+CLIP: Final = 5.0
 """A section says no more than this many standard deviations beyond the median of five around it: cells change, trains
 stand under bridges. What three neighbours of five say is not cut."""
 NEAR_SECTIONS: Final = 2
@@ -27,6 +28,9 @@ WHOLE: Final = 0
 """Length under which all of a pass is a window."""
 LEAST_WHOLE: Final = 5
 """Sections of a pass for it to be one."""
+MEAN_SHARE: Final = 0.8
+MEAN_REACH: Final = 10.0
+"""How errors of learned means hang together: their share, and the sections over which it fades."""
 CHUNK: Final = 400
 """Sections that are taken together at most: the effort grows with the cube."""
 
@@ -75,7 +79,12 @@ class PassTest:
         apart = np.abs(self.sections[:, None] - self.sections[None, :])
         shape = correlation.whole + correlation.near * np.exp(-apart / correlation.reach)
         shape[np.diag_indices(len(self.sections))] = 1.0
-        inverse = np.linalg.inv(shape * np.outer(deviation, deviation))
+        # A mean is wrong alike over sections: they know the same few passes, or the same cell from elsewhere.
+        mean_shape = MEAN_SHARE * np.exp(-apart / MEAN_REACH)
+        mean_shape[np.diag_indices(len(self.sections))] = 1.0
+        passing = correlation.inflation * np.sqrt(residuals.variance)
+        mean_error = correlation.inflation * np.sqrt(residuals.mean_variance)
+        inverse = np.linalg.inv(shape * np.outer(passing, passing) + mean_shape * np.outer(mean_error, mean_error))
         count = len(self.sections)
         self._pull = np.concatenate([[0.0], np.cumsum(inverse @ clipped)])
         self._information = np.zeros((count + 1, count + 1))
@@ -124,7 +133,7 @@ def cut(scores: Floats) -> Floats:
     """Scores without what single sections say beyond their neighbours.
 
     >>> cut(np.array([0.0, 0.0, 9.0, 0.0, 0.0])).tolist()
-    [0.0, 0.0, 3.5, 0.0, 0.0]
+    [0.0, 0.0, 5.0, 0.0, 0.0]
     >>> cut(np.array([0.0, 9.0, 9.0, 9.0, 0.0])).tolist()
     [0.0, 9.0, 9.0, 9.0, 0.0]
     """
@@ -142,14 +151,28 @@ def whole_sum(tests: Sequence[PassTest]) -> WindowSum | None:
     return WindowSum(0, WHOLE, sum(pull for pull, _ in sums), sum(info for _, info in sums), count)
 
 
+def pass_tests(residuals: Residuals, correlation: Correlation, *, site: bool) -> tuple[PassTest, ...]:
+    """Tests of a pass, a long one in pieces."""
+    return tuple(PassTest(part, correlation, site=site) for part in chunks(residuals))
+
+
+def without(residuals: Residuals, start: int, length: int) -> Residuals:
+    """The rows outside a stretch of sections."""
+    rest = (residuals.sections < start) | (residuals.sections >= start + length)
+    return _rows(residuals, rest)
+
+
 def chunks(residuals: Residuals) -> Iterator[Residuals]:
     """A long pass in pieces."""
     for begin in range(0, len(residuals.sections), CHUNK):
-        part = slice(begin, begin + CHUNK)
-        yield Residuals(
-            residuals.sections[part],
-            residuals.residual[part],
-            residuals.mean_variance[part],
-            residuals.variance[part],
-            residuals.passes[part],
-        )
+        yield _rows(residuals, slice(begin, begin + CHUNK))
+
+
+def _rows(residuals: Residuals, rows: slice | NDArray[np.bool_]) -> Residuals:
+    return Residuals(
+        residuals.sections[rows],
+        residuals.residual[rows],
+        residuals.mean_variance[rows],
+        residuals.variance[rows],
+        residuals.passes[rows],
+    )
