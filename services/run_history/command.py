@@ -81,3 +81,40 @@ def analyse(
     typer.echo(f"{count} runs, {len(rows)} legs, {len(counted)} of them counted, into {out}")
     if train.assumed():
         typer.echo(f"{vehicle}: assumed, for no source is stated: {', '.join(train.assumed())}")
+
+
+@app.command()
+def optimum(
+    *,
+    line: Annotated[Path, typer.Option("--line", help="Line file, or 'demo'.")],
+    vehicle: Annotated[Path, typer.Option("--vehicle", help="vehicle.toml.")],
+    start: Annotated[str, typer.Option("--from", help="Station: id or name.")],
+    end: Annotated[str, typer.Option("--to", help="Station: id or name.")],
+    time: Annotated[float, typer.Option("--time", min=1.0, help="Running time [s].")],
+    out: Annotated[Path | None, typer.Option("--out", help="CSV of the profile.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """The speed profile of least traction energy for a running time, with advice and the price of a second.
+
+    Example: kirotei runs optimum --line demo --vehicle vehicle.toml --from Asahigaoka --to Midorino --time 200
+    """
+    from services.line.alignment import alignment_of
+    from services.line.line_file import load_line
+    from services.run_history.optimum_report import report_lines, report_of
+    from services.run_history.profile_file import write_profile
+    from services.run_history.stations import station_named
+    from services.run_history.vehicle_file import read_vehicle
+    from services.runtime.told_command import told
+
+    with told("runs optimum"):
+        whole = load_line(line).line
+        way = alignment_of(whole)
+        first, last = station_named(whole, start), station_named(whole, end)
+        report = report_of(way, read_vehicle(vehicle), first, last, time)
+        if out is not None:
+            write_profile(out, report.profile)
+    if as_json:
+        typer.echo(json.dumps(report.summary(), ensure_ascii=False))
+        return
+    for text in report_lines(report):
+        typer.echo(text)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import BinaryIO
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def read_gpx(path: Path) -> Iterator[RunLog]:
         file.seek(0)
         try:
             yield from _tracks(path, file)
-        except ElementTree.ParseError as error:
+        except ET.ParseError as error:
             msg = f"{path}:{error.position[0]}: {error}"
             raise GpxError(msg) from error
 
@@ -37,7 +37,7 @@ def read_gpx(path: Path) -> Iterator[RunLog]:
 def _tracks(path: Path, file: BinaryIO) -> Iterator[RunLog]:
     rows: list[tuple[float, float, float, float]] = []
     number = 0
-    for _, element in ElementTree.iterparse(file, events=("end",)):  # noqa: S314 - document types are refused above
+    for _, element in ET.iterparse(file, events=("end",)):  # noqa: S314 - document types are refused above
         match _name(element.tag):
             case "trkpt":
                 rows.append(_point(element))
@@ -59,7 +59,7 @@ def _name(tag: str) -> str:
     return tag.rpartition("}")[2]
 
 
-def _point(element: ElementTree.Element) -> tuple[float, float, float, float]:
+def _point(element: ET.Element) -> tuple[float, float, float, float]:
     time_s = speed_mps = math.nan
     for part in element.iter():
         name = _name(part.tag)

@@ -18,7 +18,7 @@ from schemas.line import Station
 Floats = NDArray[np.float64]
 V_STOP_MPS: Final = 8.0 / 3.6
 STATION_REACH_M: Final = 250.0
-"""A train that stops this near to a station's place stops at the station: platforms are long, fixes under roofs are off."""
+"""So near to its place a train stops at a station: platforms are long, fixes under roofs are off."""
 SHORTEST_STOP_S: Final = 4.0
 
 
