@@ -12,7 +12,7 @@ from schemas.position import TrainPosition
 from schemas.radio import RadioMeasurement
 from services.radio_probe.positions import NoPlace, Spot, Timeline
 
-MOST_WAITING: Final = 20_000
+MOST_WAITING: Final = 5_000
 MOST_TRAINS: Final = 200
 
 
@@ -52,14 +52,15 @@ class Joiner:
             self._trains[train] = Timeline(train, *self._limits)
         self._trains[train].take(position)
 
-    def take(self, device: str, message: RadioMeasurement, train: str, now_s: float) -> None:
+    def take(self, device: str, message: RadioMeasurement, train: str, now_s: float) -> bool:
         """A report; `train` is the one whose place is its place, empty where there is none to be had.
 
-        One that has brought its place along keeps it.
+        One that has brought its place along keeps it. True when it need not wait.
         """
         placed = message.chainage_m is not None or message.axis_m is not None
         until_s = now_s if placed or not train else now_s + self._wait_s
         self._waiting.append(_Waiting(device, message, "" if placed else train, until_s))
+        return placed or not train
 
     def ready(self, now_s: float) -> list[Joined]:
         """Reports whose place is known, or has been waited for long enough, in order of arrival."""

@@ -118,8 +118,9 @@ class RadioProbe:
             reading = check.reading(device, report, now_ns, stamps)
             if reading is not None:
                 train = node.place.name if self._onboard else reading.train
-                self._joiner.take(device, reading, train, node.clock.monotonic_s())
-                await self._publish_ready()
+                # Those that wait are looked at with every position and a few times a second, not with every report.
+                if self._joiner.take(device, reading, train, node.clock.monotonic_s()):
+                    await self._publish_ready()
         else:
             weather = check.weather(device, report, now_ns, stamps)
             if weather is not None:
