@@ -6,6 +6,7 @@ from typing import Final
 
 import msgspec
 
+from schemas.radio import Cause
 from services.radio_anomaly.passes import period_of, section_of
 from services.radio_anomaly.reading import Reading
 from services.radio_anomaly.settings import Settings
@@ -31,8 +32,8 @@ class LivePass(msgspec.Struct, kw_only=True):
     """Axis less kilometrage where it was last."""
     left_out: int = 0
     """Readings that a clock or a place that jumps, or repeating, spoiled."""
-    told: dict[str, bool] = msgspec.field(default_factory=dict)
-    """Events told on this pass, and whether as confirmed."""
+    told: dict[str, tuple[bool, Cause]] = msgspec.field(default_factory=dict)
+    """Events told on this pass, whether as confirmed, and with which cause."""
     shown: set[tuple[str, str, int]] = msgspec.field(default_factory=set)
     """Sections shown."""
 

@@ -166,10 +166,11 @@ class _Watch:
     ) -> None:
         node = self._node
         for event in events:
-            # Within a pass an event is told once, and once more when it is confirmed.
-            if event.phase != "ended" and current.told.get(event.event_id) in (True, event.confirmed):
+            # Within a pass an event is told once, and again when it is confirmed or more of it shows another cause.
+            said = current.told.get(event.event_id)
+            if event.phase != "ended" and said in ((True, event.cause), (event.confirmed, event.cause)):
                 continue
-            current.told[event.event_id] = event.confirmed
+            current.told[event.event_id] = (event.confirmed, event.cause)
             node.health.count(f"events_{event.kind}")
             await node.publish(RADIO_EVENT, event, device=current.device)
         for section in section_messages(journey, judgement, self._monitor.settings, current.shown):
