@@ -321,19 +321,19 @@ class Receiver:
     async def _say(self, unsaid: Unsaid) -> list[tuple[BridgedRecord, str]]:
         """Records that cannot be said, with the reasons."""
         refused: list[tuple[BridgedRecord, str]] = []
-        for record in unsaid.records:
-            address = topic_of(record.key)
+        clock, introductions = self.node.clock, self.introductions
+        for record in introductions.order(unsaid.records):
+            if (wait_s := introductions.wait_s(record.key, clock.monotonic_s())) > 0.0:
+                await asyncio.sleep(wait_s)
             try:
-                if address is not None and address.topic is DOCUMENT:
-                    document = decode(Document, record.payload)
-                    await self.node.in_thread(partial(keep, self.documents, document))
+                if (address := topic_of(record.key)) is not None and address.topic is DOCUMENT:
+                    await self.node.in_thread(partial(keep, self.documents, decode(Document, record.payload)))
                 sample = Sample(record.key, record.payload, record.attachment, record.heard_ns)
-                if (wait_s := self.introductions.wait_s(record.key, self.node.clock.monotonic_s())) > 0.0:
-                    await asyncio.sleep(wait_s)
                 await self.node.publish_mirrored(sample)
+                introductions.said(record.key, clock.monotonic_s())
             except (TopicError, DecodeError, DocumentError) as error:
                 refused.append((record, str(error)))
-                self.node.health.refuse(f"{record.key}: {error}", self.node.clock.monotonic_s())
+                self.node.health.refuse(f"{record.key}: {error}", clock.monotonic_s())
         return refused
 
 

@@ -123,7 +123,7 @@ async def test_both_ends_killed_at_any_moment(tmp_path: Path) -> None:
                 await end.start()
             await until_heard(heard, 1)
             for number in range(KILLS):
-                await asyncio.sleep(rng.uniform(0.0, 2.0))
+                await asyncio.sleep(rng.uniform(0.0, 3.0))
                 which = ends[number % 2] if number % 5 else rng.choice(ends)
                 await which.kill()
                 await which.start()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from schemas.bridge import BridgedRecord
 from services.lte_bridge.exchange import Turns, acknowledgement_of, fault_of
 from services.lte_bridge.filling import WINDOW_S, Filling
-from services.lte_bridge.introduction import FOUND_S, MOST_BEFORE, Introductions
+from services.lte_bridge.introduction import FOUND_S, Introductions
 from services.lte_bridge.lane import LANES, Lane
 from services.lte_bridge.pace import LEAST_BATCH_BYTES, MOST_BATCH_BYTES, MOST_TIMEOUT_S, Meter, Pace, paces
 from services.lte_bridge.pending import Pending
@@ -112,14 +112,22 @@ def test_only_an_answer_to_the_batch_itself_acknowledges_it() -> None:
     assert "up to 9" in (fault_of(sent, msgspec.structs.replace(answer, through=9)) or "")
 
 
-def test_a_burst_on_a_new_key_waits_until_its_readers_have_found_it() -> None:
+def test_what_follows_the_first_word_on_a_key_waits_until_its_readers_have_found_it() -> None:
     introductions = Introductions()
-    waits = [introductions.wait_s("a", 1.0 + 0.001 * n) for n in range(MOST_BEFORE + 50)]
-    assert waits[:MOST_BEFORE] == [0.0] * MOST_BEFORE
-    assert waits[MOST_BEFORE] == pytest.approx(FOUND_S - 0.001 * MOST_BEFORE)
-    assert waits[MOST_BEFORE + 1 :] == [0.0] * 49, "whoever asks has waited by then"
-    slow = [introductions.wait_s("b", 0.1 * n) for n in range(1000)]
-    assert max(slow) == 0.0
+    introductions.said("old", 0.0)
+    heard = [record(n, key) for n, key in enumerate(["old", "a", "old", "a", "b", "b", "a"])]
+    order = introductions.order(heard)
+    assert [(one.key, one.heard_ns % 10) for one in order] == [
+        *[("a", 1), ("b", 4)],
+        *[("old", 0), ("old", 2), ("a", 3), ("b", 5), ("a", 6)],
+    ]
+    assert introductions.wait_s("a", 10.0) == 0.0
+    introductions.said("a", 10.0)
+    introductions.said("a", 11.0)
+    assert introductions.wait_s("a", 11.0) == pytest.approx(FOUND_S - 1.0)
+    assert introductions.wait_s("a", 12.0) == introductions.wait_s("b", 12.0) == 0.0
+    introductions.said("b", 12.0)
+    assert introductions.order(heard) == heard
 
 
 def test_the_time_until_full_is_that_of_the_last_hour() -> None:
