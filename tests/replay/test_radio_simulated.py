@@ -11,10 +11,19 @@ import msgspec
 from schemas.codec import encode
 from schemas.gnss_time import NS, unix_ns_from_gps
 from schemas.message import Message
-from schemas.position import FaultKind, MotionTruth, SimulatorFault
+from schemas.position import FaultKind, MotionTruth, SimulatorFault, TrainPosition
 from schemas.radio import RadioMeasurement, Weather
 from schemas.topic import Place
-from schemas.topics import MOTION_TRUTH, RADIO_READING, SIMULATOR_FAULT, WEATHER
+from schemas.topics import (
+    MOTION_TRUTH,
+    RADIO_MEASUREMENT,
+    RADIO_READING,
+    SIMULATOR_FAULT,
+    TRAIN_POSITION,
+    WEATHER,
+)
+from services.radio_probe.service import SERVICE as PROBE
+from services.radio_probe.settings import Config as ProbeConfig
 from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import ManualLoop, manual_loop
 from services.runtime.memory_node import MemoryBus, MemoryNode
@@ -192,3 +201,44 @@ def test_a_wayside_radio_hears_the_trains_that_pass() -> None:
         best = max(got, key=lambda one: one.channel_power_dbm or -999.0)
         assert abs((best.t_ns - START_NS) / NS - 14.0) < 3.0
         stage.end()
+
+
+def test_measurements_are_placed_where_the_simulated_train_was(tmp_path: Path) -> None:
+    with manual_loop() as loop:
+        stage = Stage(loop, TRAIN, Config(scenario=scenario(tmp_path, DRY)))
+        ears = Service("ears", Config, (MOTION_TRUTH, RADIO_MEASUREMENT), (TRAIN_POSITION,), _no_run, "")
+        node = MemoryNode(stage.bus, ears, TRAIN, stage.clock)
+        probe = MemoryNode(stage.bus, PROBE, TRAIN, stage.clock)
+        truths: list[MotionTruth] = []
+        placed: list[RadioMeasurement] = []
+
+        async def position() -> None:
+            async for truth in node.messages(MOTION_TRUTH):
+                truths.append(truth)
+                told = TrainPosition(
+                    t_ns=truth.t_ns, status="valid", reason="", branch="", axis_m=truth.axis_m,
+                    chainage_m=truth.chainage_m, direction="up", speed_mps=truth.speed_mps, bound_ahead_m=1.0,
+                    bound_behind_m=1.0,
+                )  # fmt: skip
+                await node.publish(TRAIN_POSITION, told)
+
+        async def listen() -> None:
+            async for one in node.messages(RADIO_MEASUREMENT):
+                placed.extend((one,))
+
+        tasks = [loop.create_task(work) for work in (position(), listen(), probe.run(ProbeConfig()))]
+        loop.advance(60.0)
+        there = {truth.t_ns: truth for truth in truths}
+        assert len(placed) > 100
+        for one in placed[4:]:
+            truth = there[one.t_ns]
+            # Rounded to centimetres; readings are at ends of ticks, for which a position is told.
+            assert abs((one.axis_m or 0.0) - truth.axis_m) < 0.006
+            assert abs((one.chainage_m or 0.0) - truth.chainage_m) < 0.006
+        assert len({one.pass_id for one in placed[4:]}) == 1
+        assert placed[-1].axis_m is not None
+        assert placed[-1].axis_m > 600.0
+        for part in (node, probe):
+            part.stop()
+        stage.end()
+        assert all(task.done() for task in tasks)
