@@ -106,12 +106,14 @@ class PositionKeeper:
         if told is not None and before is not None and odometry.t_ns < before.t_ns:
             self._lateness.forget()
         late_s = 0.0 if heard_s is None else self._lateness.of(odometry.t_ns, heard_s)
-        late_ns = round(late_s * 1e9) if late_s >= self.held.config.late_s else 0
+        if late_s < self.held.config.late_s:
+            return [] if told is None else told + self._after_step(odometry.t_ns)
+        late_ns = round(late_s * 1e9)
         if told is not None:
-            return told + self._after_step(odometry.t_ns, late_ns)
+            return told + self._after_step(odometry.t_ns, late_ns, late_s)
         # Physics has gone on beyond the message: it tells nothing, but the position goes on to now.
         ahead_ns = 0 if before is None else odometry.t_ns + late_ns - before.t_ns
-        return self._after_step(before.t_ns, ahead_ns) if before is not None and late_ns and ahead_ns > 0 else []
+        return self._after_step(before.t_ns, ahead_ns, late_s) if before is not None and ahead_ns > 0 else []
 
     def on_time(self, now_ns: int) -> list[Message]:
         """Go on without odometry, once it has been silent; nothing while it speaks."""
@@ -177,13 +179,13 @@ class PositionKeeper:
             )
         return []
 
-    def _after_step(self, t_ns: int, late_ns: int = 0) -> list[Message]:
+    def _after_step(self, t_ns: int, ahead_ns: int = 0, late_s: float = 0.0) -> list[Message]:
         told: list[Message] = []
         while self._waiting and self._waiting[0][0] <= t_ns:
             _, _, message, device = self._waiting.pop(0)
             told += self._apply(message, device)
         told += self._routes(t_ns)
-        position = message_of(self.held, t_ns, late_ns)
+        position = message_of(self.held, t_ns, ahead_ns, late_s)
         if position.status != self._status:
             text = f"{position.status}: {position.reason}" if position.reason else position.status
             told.append(self.held.event("status", text, t_ns, position.axis_m))

@@ -11,19 +11,22 @@ from services.train_position.held import Held
 from services.train_position.instants import Instant
 
 
-def message_of(held: Held, t_ns: int, late_ns: int = 0) -> TrainPosition:
-    """Position at the newest instant, and `late_ns` after it by physics; without a place when it is lost."""
-    now = held.reach.now if held.reach.now is None or not late_ns else held.reach.ahead(t_ns + late_ns)
+def message_of(held: Held, t_ns: int, ahead_ns: int = 0, late_s: float = 0.0) -> TrainPosition:
+    """Position at the newest instant, or `ahead_ns` after it by physics; without a place when it is lost.
+
+    `late_s`: by how much the odometry is late, which is why.
+    """
+    now = held.reach.now if held.reach.now is None or not ahead_ns else held.reach.ahead(t_ns + ahead_ns)
     places = None if now is None else held.places_at(now)
     odometry = held.odometry
     nowhere = TrainPosition(
-        t_ns=t_ns + late_ns,
+        t_ns=t_ns + ahead_ns,
         status="lost",
         reason=held.lost,
         train_length_m=held.makeup.length_m,
         direction=held.direction,
         reference=held.reference,
-        sources=held.states(t_ns + late_ns),
+        sources=held.states(t_ns + ahead_ns),
         stop_demanded=held.stop_demanded,
         line_version=held.line.version if held.line is not None else "",
     )
@@ -31,13 +34,13 @@ def message_of(held: Held, t_ns: int, late_ns: int = 0) -> TrainPosition:
         nowhere = msgspec.structs.replace(
             nowhere,
             speed_mps=odometry.speed_mps * held.makeup.sign,
-            speed_bound_mps=now.speed_bound_mps if late_ns else odometry.speed_bound_mps,
-            standstill=odometry.standstill and not late_ns,
+            speed_bound_mps=now.speed_bound_mps if ahead_ns else odometry.speed_bound_mps,
+            standstill=odometry.standstill and not ahead_ns,
             slip=odometry.slip,
         )
     if now is None or places is None:
         return nowhere
-    status, reason = status_of(held, places, late_ns / 1e9)
+    status, reason = status_of(held, places, late_s)
     return msgspec.structs.replace(nowhere, status=status, reason=reason, **_placed(held, now, places))
 
 
@@ -106,8 +109,8 @@ def _of_odometry(held: Held, late_s: float) -> list[str]:
         found.append(f"the odometry is {late_s:.1f} s late: the way gone since is bounded by physics alone")
     if held.doubted:
         found.append(f"odometry not believed: {held.doubted}; the way gone is bounded by physics alone")
-    elif held.blind or odometry is None:
+    elif (held.blind or odometry is None) and not late_s:
         found.append("no odometry: the way gone is bounded by physics alone")
-    elif odometry.status != "valid":
+    elif odometry is not None and odometry.status != "valid":
         found.append(f"odometry {odometry.status}: {odometry.reason}")
     return found

@@ -120,6 +120,18 @@ def test_a_silent_odometry_is_carried_on_by_physics(config: Config) -> None:
     assert (positions[-1].bound_ahead_m or 0.0) > 15.0
 
 
+def test_odometry_that_was_held_up_is_carried_on_to_now(config: Config) -> None:
+    tape = drive()
+    for _ in range(20):
+        tape.run.go(0.1, silent=True)
+        tape.put(ODOMETRY, tape.run.odometry(), 5.05)
+    positions = [one for one in heard(tape.ordered(), config, TRAIN_POSITION) if isinstance(one, TrainPosition)]
+    assert positions[-1].status == "degraded"
+    assert "5.0 s late" in positions[-1].reason
+    # To the microsecond: clocks of floats.
+    assert positions[-1].t_ns == pytest.approx(tape.run.t_ns + 5_000_000_000, abs=1000)
+
+
 def test_the_state_survives_a_restart_of_the_service(config: Config, tmp_path: Path) -> None:
     kept = msgspec.structs.replace(config, state_folder=str(tmp_path))
     tape = drive()
