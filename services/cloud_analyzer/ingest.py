@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from schemas.bridge import BridgeAcknowledgement, BridgeBatch
 from services.cloud_analyzer.history import Commit
-from services.cloud_analyzer.tables import rows_of
+from services.cloud_analyzer.tables import LATE_DAYS, rows_of
 from services.lte_bridge.batch import unpacked
 from services.lte_bridge.deduplication import Deduplication, Judgement, StateRow
 
@@ -27,8 +27,19 @@ class Taken:
 class Ingest:
     """Takes batches, one at a time: what `take` gives is to be committed and `confirm`ed, or dropped."""
 
-    def __init__(self, line: str, had: Iterable[StateRow], relays: frozenset[str] = frozenset()) -> None:
-        """Begin with what a store remembers. `relays`: places whose bridges may speak for any place of the line."""
+    def __init__(
+        self,
+        line: str,
+        had: Iterable[StateRow],
+        relays: frozenset[str] = frozenset(),
+        late_days: float = LATE_DAYS,
+    ) -> None:
+        """Begin with what a store remembers.
+
+        `relays`: places whose bridges may speak for any place of the line. Times more than `late_days` before they
+        were heard are not believed.
+        """
+        self._late_days = late_days
         self._line = line
         self._relays = relays
         self._had = Deduplication()
@@ -43,7 +54,7 @@ class Ingest:
         records = unpacked(batch.compressed, batch.count)
         judgement = self._had.judge(batch, records)
         allowed = None if place in self._relays else frozenset({place})
-        rows = rows_of(judgement.fresh, now_ns, allowed)
+        rows = rows_of(judgement.fresh, now_ns, allowed, self._late_days)
         refused = {row[1] for row in rows.refused}
         outbox = tuple(record for record in judgement.fresh if not refused or record.key not in refused)
         commit = Commit(rows, judgement.rows, judgement.forgotten, outbox)

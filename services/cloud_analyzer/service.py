@@ -20,6 +20,7 @@ from services.cloud_analyzer.clickhouse_store import ClickHouseStore
 from services.cloud_analyzer.duckdb_store import DuckDbStore
 from services.cloud_analyzer.history import Store, StoreError
 from services.cloud_analyzer.ingest import Ingest
+from services.cloud_analyzer.tables import LATE_DAYS
 from services.lte_bridge.batch import BatchError
 from services.runtime.host_config import Settings
 from services.runtime.node import Node, Sample, Service
@@ -63,6 +64,8 @@ class Config(Settings, frozen=True, kw_only=True):
     """Of the embedded store's engine."""
     relays: tuple[str, ...] = ()
     """Places ('demo/wayside/W1') whose bridges may speak for every place of the line; others for their own alone."""
+    late_days: Annotated[float, Meta(gt=0.0)] = LATE_DAYS
+    """A measurement stamped so long before the bridge heard it is filed under the time at which it was heard."""
     ask_timeout_s: Annotated[float, Meta(gt=0.0, le=600.0)] = 20.0
     """A question that takes longer is refused."""
     clickhouse: ClickHouseSettings = ClickHouseSettings()
@@ -88,7 +91,7 @@ async def run(node: Node, config: Config) -> None:
     """Answer bridges and askers until stopped."""
     store = await node.in_thread(lambda: open_store(config, node.place.line))
     try:
-        ingest = Ingest(node.place.line, await node.in_thread(store.had), frozenset(config.relays))
+        ingest = Ingest(node.place.line, await node.in_thread(store.had), frozenset(config.relays), config.late_days)
         work = _Work(node, config, store, ingest)
         set_aside = getattr(store, "set_aside", "")
         if set_aside:

@@ -22,7 +22,8 @@ from schemas.topics import topic_of
 
 Kind = Literal["bigint", "double", "varchar"]
 Value = str | int | float | None
-LATE_NS: Final = 60 * 86_400 * 1_000_000_000
+DAY_NS: Final = 86_400 * 1_000_000_000
+LATE_DAYS: Final = 60.0
 """A measurement this long before it was heard is not believed: spools do not reach back so far."""
 AHEAD_NS: Final = 300 * 1_000_000_000
 """Nor one from so far ahead of it."""
@@ -129,13 +130,17 @@ class Rows:
         return len(self.radio) + len(self.events) + len(self.refused)
 
 
-def rows_of(records: Sequence[BridgedRecord], now_ns: int, allowed: frozenset[str] | None) -> Rows:
+def rows_of(
+    records: Sequence[BridgedRecord], now_ns: int, allowed: frozenset[str] | None, late_days: float = LATE_DAYS
+) -> Rows:
     """Rows of bridged records.
 
-    `allowed`: places ('demo/train/T1') whose keys may be told; None for any. What cannot be taken becomes a
-    row of `refused`, with the reason and what was said, so that nothing that was acknowledged is lost.
+    `allowed`: places ('demo/train/T1') whose keys may be told; None for any. Times more than `late_days` before
+    they were heard are not believed. What cannot be taken becomes a row of `refused`, with the reason and what was
+    said, so that nothing that was acknowledged is lost.
     """
     rows = Rows()
+    late_ns = round(late_days * DAY_NS)
     keys: dict[str, _Said] = {}
     for record in records:
         said = keys.get(record.key)
@@ -150,11 +155,11 @@ def rows_of(records: Sequence[BridgedRecord], now_ns: int, allowed: frozenset[st
                 reason = f"{said.message}: {error}"
         if message is None:
             shown = record.payload[:MOST_REFUSED_BYTES].hex()
-            rows.refused.append((_heard_ns(record.heard_ns, now_ns), record.key, reason, shown))
+            rows.refused.append((_heard_ns(record.heard_ns, now_ns, late_ns), record.key, reason, shown))
         elif type(message) is RadioMeasurement:
-            rows.radio.append(_common(message.t_ns, record, said, now_ns) + _measured(message))
+            rows.radio.append(_common(message.t_ns, record, said, now_ns, late_ns) + _measured(message))
         else:
-            rows.events.append(_common(message.t_ns, record, said, now_ns) + _event(message, said.topic))
+            rows.events.append(_common(message.t_ns, record, said, now_ns, late_ns) + _event(message, said.topic))
     return rows
 
 
@@ -191,20 +196,20 @@ def _fault(address: Address | None, allowed: frozenset[str] | None) -> str:
     return ""
 
 
-def _heard_ns(heard_ns: int, now_ns: int) -> int:
-    return heard_ns if now_ns - LATE_NS <= heard_ns <= now_ns + HEARD_AHEAD_NS else now_ns
+def _heard_ns(heard_ns: int, now_ns: int, late_ns: int) -> int:
+    return heard_ns if now_ns - late_ns <= heard_ns <= now_ns + HEARD_AHEAD_NS else now_ns
 
 
-def _common(t_ns: int, record: BridgedRecord, said: _Said, now_ns: int) -> tuple[Value, ...]:
+def _common(t_ns: int, record: BridgedRecord, said: _Said, now_ns: int, late_ns: int) -> tuple[Value, ...]:
     try:
         mark = _MARKS.decode(record.attachment)
     except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
         mark = _NO_MARK
     heard_ns = record.heard_ns
-    believed_ns = _heard_ns(heard_ns, now_ns)
+    believed_ns = _heard_ns(heard_ns, now_ns, late_ns)
     clock = "" if believed_ns == heard_ns else "bridge"
     taken_ns = t_ns
-    if not believed_ns - LATE_NS <= t_ns <= believed_ns + AHEAD_NS:
+    if not believed_ns - late_ns <= t_ns <= believed_ns + AHEAD_NS:
         taken_ns = believed_ns
         clock = "device and bridge" if clock else "device"
         t_ns = max(-(2**63), min(2**63 - 1, t_ns))

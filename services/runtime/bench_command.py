@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-AREAS = ("bus", "gnss", "landmarks", "motion", "position", "replay", "start", "track-circuit")
+AREAS = ("bus", "cloud", "gnss", "landmarks", "motion", "position", "replay", "start", "track-circuit")
 
 
 def bench(
