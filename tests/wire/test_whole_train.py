@@ -58,10 +58,12 @@ PATIENCE_S = 40.0
 """For anything to happen on a busy machine; a run of it all takes half of that."""
 LOST_S = 8.0
 STALLED = (
-    "no odometry: the way gone is bounded by physics alone",
-    "odometry degraded: no inertial sensor: slips are not seen",
+    "no odometry: ",
+    "no inertial sensor",
+    "sensors were",
+    " s late: ",
 )
-"""What is truly said when a busy machine holds a process up for more than a second."""
+"""A part of what is truly said when a busy machine holds a process up for more than a second."""
 LEAST_POSITIONS = 200
 """Twenty seconds, from before the slide until after the restart."""
 
@@ -198,7 +200,7 @@ async def test_the_position_holds_its_bounds_while_things_go_wrong(tmp_path: Pat
             # Ten a second; the receiver takes a moment to be without, and another to be back.
             assert len(blind) > 10 * (LOST_S - 2.0)
             reasons = [one.reason for one in blind]
-            assert set(reasons) <= {"", *STALLED}, set(reasons)
+            assert all(not one or any(said in one for said in STALLED) for one in reasons), set(reasons)
             assert reasons.count("") > len(reasons) / 2
 
             os.kill(pid, signal.SIGKILL)
