@@ -249,6 +249,7 @@ DOCUMENT = Topic(
     Delivery.KEPT,
     None,
     "a file for trains and wayside sites: line, landmarks, thresholds, radio model",
+    from_outside=True,
 )
 HEALTH = Topic("{kind}/{place}/health/{service}", health.Health, Delivery.STATE, 1.0, "how one service is doing")
 SERVICE_EVENT = Topic(

@@ -14,11 +14,6 @@ app = typer.Typer(
 ROUTER = "tcp/127.0.0.1:7447"
 
 
-@app.callback()
-def cloud() -> None:
-    """Keep `history` a command of its own."""
-
-
 @app.command()
 def history(
     about: Annotated[str, typer.Argument(help="radio, radio_events, radio_sums or events.")],
@@ -76,6 +71,31 @@ def history(
         )
         place = Place(line, "cloud", at)
     run_history(question, place, shard, connect, most=most, out=out, as_json=as_json, passes=passes)
+
+
+@app.command()
+def send(
+    file: Annotated[Path, typer.Argument(help="Line file, landmarks.json, thresholds.toml or a radio model.")],
+    *,
+    kind: Annotated[str, typer.Option(help="line, landmarks, gnss_thresholds or radio_model.")],
+    version: Annotated[str, typer.Option(help="Version by which people call it.")],
+    name: Annotated[str | None, typer.Option(help="Name; that of the file when left out.")] = None,
+    line: Annotated[str, typer.Option(help="Line.")] = "demo",
+    at: Annotated[str, typer.Option("--cloud", help="Name of the cloud.")] = "C1",
+    connect: Annotated[str, typer.Option(help="Router of the cloud.")] = ROUTER,
+) -> None:
+    """Hand a file to the cloud's bridges, which keep it until every train that they serve has it.
+
+    Example: kirotei cloud send line.json --kind line --version 2026-2
+    """
+    from schemas.topic import Place
+    from services.cloud_analyzer.send_command import document_of, run_send
+    from services.runtime.told_command import told
+
+    with told("cloud send"):
+        document = document_of(file, kind, name or file.stem, version)
+        place = Place(line, "cloud", at)
+    run_send(document, place, connect)
 
 
 def _time_of(text: str | None) -> int | None:
