@@ -42,11 +42,11 @@ WAVEFORM_SNR_DB = 20.0
 WAVEFORM_BITS = (8, 32, 256)
 SHOWN_BITS = 5
 LINEAR_DB = tuple(float(x) for x in range(13))
-MLSE_DB = {2.0: 2, 4.0: 2, 6.0: 5, 7.0: 8, 8.0: 16}
+MLSE_DB = {2.0: 1, 4.0: 1, 6.0: 2, 7.0: 4, 8.0: 8}
 """Ratios, and rounds of 12,000 bits at each."""
 QUALITIES = (2.0, 4.0, 6.0)
 TRAINING_BITS = 256
-TRIALS = 4
+TRIALS = 2
 LOWEST = 1e-6
 
 
@@ -136,7 +136,7 @@ def _draw_qam(axes: Axes) -> None:
         for name, feedback, style, dot in (("FFE", 0, "--", "s"), ("DFE", 4, "-", "o")):
             found = []
             for snr_db in ratios:
-                rounds = 4 if snr_db < ratios[-1] else 40
+                rounds = 2 if snr_db < ratios[-1] else 20
                 wrong, total = qam_error_rate(order, snr_db, 2.0, rounds, feedback=feedback)
                 found.append(max(wrong, 1) / total)
             _rates(axes, ratios, found, color, f"{order}-QAM, {name}, Q = 2", style, dot)
