@@ -53,10 +53,9 @@ def simulate(
     except ScenarioError as error:
         _refuse("simulate", str(error), 2)
     if out is None:
-        from services.simulator.live_command import LAPSE_SPEED, run_live
-        from services.simulator.radio_scenario import RadioScenario
+        from services.simulator.live_command import run_live
 
-        run_live(scenario, fleet, seed, LAPSE_SPEED if isinstance(settings, RadioScenario) else 1.0)
+        run_live(scenario, fleet, seed)
     if out.exists() and not out.is_dir():
         _refuse("simulate", f"{out} is there and is no folder", 2)
 

@@ -15,13 +15,11 @@ import typer
 
 APART_S = 240.0
 """Between one train of a fleet and the next."""
-LAPSE_SPEED = 200.0
-"""Of radio passes: ten kilometres at 45 km/h in four seconds."""
 POLL_S = 0.5
 STOP_S = 6.0
 
 
-def profile_text(scenario: str, number: int, seed: int | None, speed: float = 1.0) -> str:
+def profile_text(scenario: str, number: int, seed: int | None) -> str:
     """Profile of one train's host.
 
     >>> "under_way_s = 240.0" in profile_text("demo_line", 1, None)
@@ -40,14 +38,12 @@ def profile_text(scenario: str, number: int, seed: int | None, speed: float = 1.
     if number:
         lines += ["[router]", "enabled = false", ""]
     lines += ["[simulator]", f'scenario = "{path}"', f"under_way_s = {APART_S * number}"]
-    if speed != 1.0:
-        lines.append(f"speed = {speed}")
     if seed is not None or number:
         lines.append(f"seed = {(seed or 0) + number}")
     return "\n".join(lines) + "\n"
 
 
-def run_live(scenario: str, fleet: int, seed: int | None, speed: float = 1.0) -> NoReturn:
+def run_live(scenario: str, fleet: int, seed: int | None) -> NoReturn:
     """Run the trains until Ctrl-C, SIGTERM or the end of one of them; ends the command."""
     with TemporaryDirectory(prefix="kirotei-") as folder:
         trains: list[subprocess.Popen[bytes]] = []
@@ -55,7 +51,7 @@ def run_live(scenario: str, fleet: int, seed: int | None, speed: float = 1.0) ->
         try:
             for number in range(fleet):
                 profile = Path(folder) / f"T{number + 1}.toml"
-                profile.write_text(profile_text(scenario, number, seed, speed), "utf-8")
+                profile.write_text(profile_text(scenario, number, seed), "utf-8")
                 command = [sys.executable, "-m", "services.cli", "up", "--profile", str(profile)]
                 trains.append(subprocess.Popen(command))  # noqa: S603 - our own command with a file of ours
             typer.echo(

@@ -71,12 +71,14 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """The balise reader's."""
     radio_device: DeviceName = "radio"
     """The radio device's."""
-    speed: Annotated[float, Meta(gt=0.0, le=10_000.0)] = 1.0
+    speed: Annotated[float, Meta(gt=0.0, le=100.0)] = 1.0
     """Simulated seconds per second. Other than 1 the epochs' times move away from now."""
     seed: Annotated[int, Meta(ge=0)] | None = None
     """Seed of everything drawn; absent: the scenario's own."""
     under_way_s: Annotated[float, Meta(ge=0.0, le=86_400.0)] = 0.0
     """How long a whole train has been running when it is first heard: trains of a fleet follow each other."""
+    lapse_speed: Annotated[float, Meta(gt=0.0, le=100_000.0)] = 200.0
+    """The same of radio passes in time-lapse: ten kilometres at 45 km/h in four seconds."""
     lead_days: Annotated[int, Meta(ge=0)] = 0
     """Of radio passes in time-lapse: so many days at their beginning pass at `lead_speed`, for others to learn from."""
     lead_speed: Annotated[float, Meta(gt=0.0, le=100_000.0)] = 2000.0
@@ -206,7 +208,7 @@ async def _run_passes(node: Node, config: Config, scenario: RadioScenario, seed:
             for weather in taken.weather:
                 await node.publish(WEATHER, weather)
             start_s = node.clock.monotonic_s()
-            speed = config.lead_speed if taken.day < config.lead_days else config.speed
+            speed = config.lead_speed if taken.day < config.lead_days else config.lapse_speed
             for reading in taken.readings(node.place.name):
                 due_s = start_s + (reading.t_ns / NS - taken.begin_s) / speed
                 if due_s > node.clock.monotonic_s():

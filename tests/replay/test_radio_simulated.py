@@ -162,7 +162,7 @@ def test_radio_faults_are_switched_live(tmp_path: Path) -> None:
 def test_time_lapse_takes_pass_after_pass_with_its_place(tmp_path: Path) -> None:
     def once() -> list[bytes]:
         with manual_loop() as loop:
-            stage = Stage(loop, TRAIN, Config(scenario=scenario(tmp_path, LAPSE), speed=400.0))
+            stage = Stage(loop, TRAIN, Config(scenario=scenario(tmp_path, LAPSE), lapse_speed=400.0))
             loop.advance(60.0)
             passes = {one.pass_id: one.direction for one in stage.readings()}
             assert len(passes) == 3
