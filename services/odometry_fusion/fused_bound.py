@@ -25,6 +25,10 @@ CALM_TICKS: Final = 20
 WILD_BEFORE_TICKS: Final = 10
 TAME_S: Final = 8.0
 TURNING_MPS: Final = 1.0
+CONTESTED_M: Final = 0.5
+CONTESTED_FACTOR: Final = 1.05
+"""What was lost before the slip was seen, and wear, beside what wheel and inertial sensor disagree on."""
+FIRST_TICKS: Final = 100
 FIRST_FACTOR: Final = 3.0
 FIRST_WAIT_S: Final = 1.0
 """The accounts begin so late, and are brought over the latency."""
@@ -64,7 +68,7 @@ def contested(branches: Branches, now: Record, dt_s: float) -> float:
     never_wild = now.wild_tick < own.slip_since - WILD_BEFORE_TICKS
     long = (now.tick - own.since) * dt_s > LONG_SLIP_S
     if long or never_wild or (tame_s > TAME_S and abs(now.rim_mps) > TURNING_MPS):
-        return abs(lost_way(branches, now))
+        return CONTESTED_M + CONTESTED_FACTOR * abs(lost_way(branches, now))
     return 0.0
 
 
@@ -73,7 +77,8 @@ def unconfirmed(branches: Branches, now: Record) -> float:
     """How far off the way may be because the wheels slipped when all began, as long as they may have [m]."""
     found_m = 0.0
     for i in range(now.branches):
-        if branches.about[i].first and branches.about[i].log_weight > LIKELY_LOG:
+        own = branches.about[i]
+        if own.first and (own.log_weight > LIKELY_LOG or now.tick - own.since < FIRST_TICKS):
             apart_m = abs(branches.x[i, D] - branches.x[now.best, D])
             sigma_m = np.sqrt(branches.p[i, D, D]) + np.sqrt(branches.p[i, V, V]) * FIRST_WAIT_S
             found_m = max(found_m, apart_m + FIRST_FACTOR * sigma_m)

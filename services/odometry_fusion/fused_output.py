@@ -257,7 +257,7 @@ def _bound(
     elif status == VALID:
         # The parts are cautious one by one and their sum more so: errors stay below (docs/odometry_fusion.md).
         bound_m = min(bound_m, most_m)
-    elif provisional_m > most_m:
+    elif provisional_m > most_m and reason in (NO_IMU, NO_PULSES):
         reason, status = BEYOND, LOST
     out.distance_m, out.way_m = now.distance_m, now.way_m
     out.bound_m, out.excess_m, out.provisional_m = bound_m, now.excess_m, provisional_m

@@ -15,7 +15,7 @@ from services.odometry_fusion.fused_layout import Record, State, V
 
 SMOOTH_S: Final = 1.0
 """The wheel's acceleration is that of its speed against its mean over so long; the axes' means likewise."""
-MEAN_S: Final = 12.0
+MEAN_S: Final = 30.0
 """What changes more slowly is not motion."""
 SETTLING_S: Final = 2.0
 FIT: Final = 0.12
@@ -29,9 +29,12 @@ MOST: Final = 0.6
 """A tick counts for at most so much [(m/s²)²]."""
 PAUSE_TICKS: Final = 30
 """After a rim that was wild nothing is compared."""
-TURNED: Final = 2.5
+DEPARTURE_S: Final = 15.0
+TURNED_AT_DEPARTURE: Final = 1.5
+TURNED: Final = 5.0
 RIGHT: Final = 2.5
-"""Evidence for believing that the sensor is turned, and that it is right again: (m/s²)² s."""
+"""Evidence for believing that the sensor is turned, and that it is right again: (m/s²)² s. Under way a slip in
+a transition may look like it for seconds; at departures the train is slow, and y shows nothing but gravity."""
 
 
 @kernel
@@ -89,7 +92,8 @@ def watch_axes(tick: Record, now: Record, x: State, dt_s: float) -> bool:
 
 @kernel
 def _decide(now: Record) -> bool:
-    turned = max(now.left_turned, now.right_turned) > TURNED
+    wanted = TURNED_AT_DEPARTURE if now.since_rest_s < DEPARTURE_S else TURNED
+    turned = max(now.left_turned, now.right_turned) > wanted
     changes = now.not_turned > RIGHT if now.turned else turned
     if changes:
         now.turned = 1 - now.turned
