@@ -28,6 +28,8 @@ FLAP_S = float(os.environ.get("KIROTEI_LINK_FLAP_S", "2"))
 BACKLOG_MB = float(os.environ.get("KIROTEI_LINK_BACKLOG_MB", "20"))
 EVENTS = int(os.environ.get("KIROTEI_LINK_EVENTS", "20"))
 LONG = "KIROTEI_LINK_EVENTS" in os.environ
+SLOWEST_HZ = 3.0
+"""Of what is spoken and waited for."""
 PATIENCE_S = 60.0
 """A process may be slow to start, or the last backlog slow to come, on a machine that stalls."""
 
@@ -76,7 +78,7 @@ class Heard:
 
     async def until(self, kind: str, count: int) -> None:
         try:
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(PATIENCE_S + count / SLOWEST_HZ):
                 while len(self.numbers[kind]) < count:  # noqa: ASYNC110 - another process brings it
                     await asyncio.sleep(0.05)
         except TimeoutError:
@@ -162,7 +164,7 @@ async def test_events_overtake_a_backlog_on_a_link_of_a_megabit(hosts: Hosts, tm
     fill(tmp_path / "T1")
     hosts.limit("1mbit")
     async with Scene(hosts, tmp_path) as scene:
-        await scene.start(events_hz=3.0, bulk_hz=1.0)
+        await scene.start(events_hz=SLOWEST_HZ, bulk_hz=1.0)
         await scene.heard.until("events", 1)
         first = len(scene.heard.event_ages_s)  # while everything starts they wait for that
         await scene.heard.until("events", first + EVENTS)
