@@ -94,6 +94,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     bus_stamps: Stamps = "checked"
     """As `stamps` of an input. `device` where a recording or a time-lapse is on the bus."""
     inputs: tuple[RadioInput, ...] = ()
+    """Devices, programs and files that report to this service alone."""
     wait_s: Annotated[float, Meta(ge=0.1, le=60.0)] = 3.0
     """A report waits so long for the positions around its time; then it goes out without a place."""
     largest_gap_s: Annotated[float, Meta(ge=0.1, le=60.0)] = 2.0
