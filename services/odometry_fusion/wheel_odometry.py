@@ -19,11 +19,12 @@ from services.odometry_fusion.motion_log import (
     SixAxes,
     Vehicle,
 )
+from services.odometry_fusion.paper_rest import STILL_M
+from services.odometry_fusion.paper_smoothing import counts_missing
 from services.odometry_fusion.tick_layout import Records
 from services.odometry_fusion.ticks import TickMaker
 
 REST_TICKS: Final = 20
-LONGEST_SILENCE_S: Final = 0.5
 REASONS: Final = ("", "no pulses: the last speed is held")
 
 WHEEL_STATE: Final[np.dtype[Any]] = np.dtype([
@@ -34,6 +35,7 @@ WHEEL_STATE: Final[np.dtype[Any]] = np.dtype([
 WHEEL_OUT: Final[np.dtype[Any]] = np.dtype([
     ("slip", np.int64),
     ("still", np.int64),
+    ("silent", np.int64),
     *((name, np.float64) for name in ("run_m", "excess_m", "provisional_m", "apart_mps", "rest_s")),
 ])  # fmt: skip
 
@@ -50,7 +52,7 @@ class WheelSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 @kernel
-def wheel_ticks(ticks: Records, hardest_mps2: float, state: Records, out: Records) -> None:
+def wheel_ticks(ticks: Records, hardest_mps2: float, pulse_m: float, state: Records, out: Records) -> None:
     """Slip by the wheel's own acceleration: a reference speed follows the wheel at most at the hardest rate.
 
     What they differ by, over time, adds to the error for good.
@@ -61,8 +63,9 @@ def wheel_ticks(ticks: Records, hardest_mps2: float, state: Records, out: Record
         speed_mps = tick.wheel_speed_mps
         if now.started == 0:
             now.started, now.reference_mps, now.way_m = 1, speed_mps, tick.way_m
-        moved = tick.way_m != now.way_m
-        now.still = 0 if moved or tick.tacho_missing_s > 0.0 else now.still + 1
+        moved = abs(tick.way_m - now.way_m) > STILL_M
+        silent = counts_missing(tick, pulse_m)
+        now.still = 0 if moved or silent else now.still + 1
         now.run_m += abs(tick.way_m - now.way_m)
         now.way_m = tick.way_m
         most_mps = hardest_mps2 * PERIOD_S
@@ -71,7 +74,8 @@ def wheel_ticks(ticks: Records, hardest_mps2: float, state: Records, out: Record
         now.excess_m += abs(apart_mps) * PERIOD_S + tick.doubt_m
         own.apart_mps = abs(apart_mps)
         own.slip = (1 if apart_mps > 0.0 else -1) if abs(apart_mps) > 1.0 else 0
-        silent_s = tick.tacho_missing_s
+        silent_s = tick.tacho_missing_s if silent else 0.0
+        own.silent = 1 if silent else 0
         own.provisional_m = 0.5 * hardest_mps2 * silent_s * silent_s
         own.run_m, own.excess_m = now.run_m, now.excess_m
         own.still = 1 if now.still >= REST_TICKS else 0
@@ -85,6 +89,7 @@ class WheelOdometry:
     def __init__(self, vehicle: Vehicle, settings: WheelSettings) -> None:
         """Begin at the first count."""
         self._settings = settings
+        self._pulse_m = vehicle.metres_per_pulse
         self._ticks = TickMaker(vehicle)
         self._state = np.zeros(1, WHEEL_STATE)
 
@@ -92,11 +97,11 @@ class WheelOdometry:
         """Rows due until `until_s`, see `OdometryStep`; the inertial samples are not used."""
         ticks = self._ticks.advance(until_s, imu_t_s[:0], imu[:0], tacho_t_s, pulses)
         out = np.zeros(len(ticks), WHEEL_OUT)
-        wheel_ticks(ticks, self._settings.hardest_mps2, self._state, out)
+        wheel_ticks(ticks, self._settings.hardest_mps2, self._pulse_m, self._state, out)
         unknown = np.full(len(ticks), np.nan)
         settings = self._settings
         provisional_m = out["provisional_m"] + settings.unseen_m
-        silent = ticks["tacho_missing_s"] > LONGEST_SILENCE_S
+        silent = out["silent"] != 0
         return MotionRows(
             t_s=ticks["t_ns"] / 1e9,
             distance_m=ticks["way_m"].copy(),

@@ -117,6 +117,10 @@ def test_a_counter_that_reports_pulse_by_pulse_is_silent_at_rest_only(teeth: int
     assert abs(error_m[-1]) < 3.0
     assert rows.status.max() == VALID
     assert [one.phase for one in rows.episodes] == ["began", "ended"]
+    wheel = run_log(one_by_one, Config(method="wheel"))
+    assert wheel.status.max() == VALID
+    assert wheel.standstill[(wheel.t_s > 4.0) & (wheel.t_s < 9.0)].all()
+    assert (np.abs(errors_of(wheel, t_s, distance_m)) <= wheel.bound_m)[within].all()
 
 
 def grid_of(t_s: Floats, way_m: Floats) -> Floats:
