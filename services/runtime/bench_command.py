@@ -7,7 +7,19 @@ from typing import Annotated
 
 import typer
 
-AREAS = ("bus", "cloud", "gnss", "landmarks", "motion", "position", "replay", "start", "track-circuit")
+AREAS = (
+    "bridge",
+    "bus",
+    "cloud",
+    "gnss",
+    "landmarks",
+    "motion",
+    "position",
+    "radio",
+    "replay",
+    "start",
+    "track-circuit",
+)
 
 
 def bench(
