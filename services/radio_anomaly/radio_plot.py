@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
+from matplotlib.ticker import MaxNLocator
 
 from schemas.radio import RadioEvent
 from services.radio_anomaly.file_analysis import paper_thresholds
@@ -24,7 +25,7 @@ from services.radio_anomaly.passes import Journey
 from services.radio_anomaly.radio_model import RadioModel, monitor_of
 from services.radio_anomaly.window_test import Floats
 
-DOTS_PER_INCH: Final = 110
+DOTS_PER_INCH: Final = 80
 STREAMS: Final = 3
 """Radios and channels shown, those with most sections."""
 TABLE_ROWS: Final = 8
@@ -174,6 +175,7 @@ def _surface(
     axes.set_ylabel("pass", fontsize=8)
     axes.set_zlabel("power [dBm]", fontsize=8)
     axes.tick_params(labelsize=7)
+    axes.yaxis.get_major_locator().set_params(integer=True)
     axes.view_init(elev=28.0, azim=-62.0)
     axes.set_box_aspect((1.6, 1.0, 0.8), zoom=0.9)
 
@@ -206,6 +208,7 @@ def _image(
             )
     axes.set_xlabel("kilometrage [km]")
     axes.set_ylabel("pass")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     figure = axes.figure
     figure.colorbar(picture, ax=axes, label="dBm")
 
