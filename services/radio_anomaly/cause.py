@@ -65,6 +65,8 @@ def cause_of(seen: Circumstances) -> tuple[Cause, str]:
             return told
     if seen.kind == "above":
         return "interference", "more power than ever learned here, and no reception measured that speaks against it"
+    if seen.kind == "missing" and seen.normal_ratio is None:
+        return "unknown", "nothing at all was heard that would tell a cause"
     if not seen.at_site and not seen.whole_line and seen.length_m <= PLACE_M:
         return "obstruction", f"only this place falls ({seen.length_m:.0f} m), the radio elsewhere does not"
     return "unknown", "nothing measured tells one cause from another"

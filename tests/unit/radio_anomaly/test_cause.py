@@ -30,6 +30,7 @@ DRY = Weather(t_ns=0, axis_m=0.0, temperature_c=8.0)
             Circumstances(kind="missing", length_m=500.0, received_ratio=0.4, normal_ratio=1.0, strength_db=1.0),
             "obstruction",
         ),
+        (Circumstances(kind="missing", length_m=500.0, received_ratio=0.0), "unknown"),
         (Circumstances(kind="below", length_m=4000.0, power_db=-8.0, weather=SNOW), "snow"),
         (Circumstances(kind="below", length_m=4000.0, power_db=-8.0, weather=DRY), "unknown"),
         (Circumstances(kind="below", length_m=200.0, power_db=-8.0, weather=SNOW), "obstruction"),
