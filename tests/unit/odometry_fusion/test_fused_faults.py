@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.odometry_faults import begun, error_of, late, turned
 from schemas.motion import Odometry
 from services.odometry_fusion.fused_gaps import bridge_gap, hidden_by_lateness
 from services.odometry_fusion.fused_layout import (
@@ -29,7 +30,7 @@ from services.odometry_fusion.fused_settings import FusedSettings
 from services.odometry_fusion.fused_step import begin_branches, begin_now
 from services.odometry_fusion.inertial_axes import watch_axes
 from services.odometry_fusion.live_odometry import LiveOdometry
-from services.odometry_fusion.motion_log import VALID, Floats, MotionRows
+from services.odometry_fusion.motion_log import VALID, MotionRows
 from services.odometry_fusion.motion_log import MotionLog as Samples
 from services.odometry_fusion.settings import Config
 from services.odometry_fusion.tick_layout import TICK, Records
@@ -58,12 +59,6 @@ def run(log: MotionLog) -> MotionRows:
     return step.advance(float(log.truth_t_s[-1]), samples.imu_t_s, samples.imu, samples.tacho_t_s, samples.pulses)
 
 
-def error_of(log: MotionLog, rows: MotionRows) -> Floats:
-    true_m = np.interp(rows.t_s, log.truth_t_s, log.distance_m)
-    error_m: Floats = rows.distance_m - rows.distance_m[0] - (true_m - true_m[0])
-    return error_m
-
-
 def require_held(log: MotionLog, rows: MotionRows, spare_m: float = 0.3) -> None:
     """Every row within its bound, and any two of them within what the message promises and `spare_m`.
 
@@ -80,29 +75,6 @@ def require_held(log: MotionLog, rows: MotionRows, spare_m: float = 0.3) -> None
         + rows.provisional_m[last]
     )
     assert (np.abs(error_m[last] - error_m[first]) <= promised_m + spare_m).all()
-
-
-def late(log: MotionLog, from_s: float, by_s: float) -> MotionLog:
-    """Stamps of both sensors late by so much from an instant on."""
-    imu_t_s, tacho_t_s = (np.where(t_s > from_s, t_s + by_s, t_s) for t_s in (log.imu_t_s, log.tacho_t_s))
-    imu, tacho = imu_t_s <= log.truth_t_s[-1], tacho_t_s <= log.truth_t_s[-1]
-    return replace(log, imu_t_s=imu_t_s[imu], imu=log.imu[imu], tacho_t_s=tacho_t_s[tacho], pulses=log.pulses[tacho])
-
-
-def turned(log: MotionLog, from_s: float, sense: float) -> MotionLog:
-    """The inertial sensor turned by a quarter about z from an instant on."""
-    imu, after = log.imu.copy(), log.imu_t_s > from_s
-    for x, y in ((0, 1), (3, 4)):
-        imu[after, x], imu[after, y] = sense * log.imu[after, y], -sense * log.imu[after, x]
-    return replace(log, imu=imu)
-
-
-def begun(log: MotionLog, from_s: float) -> MotionLog:
-    """The samples from an instant on alone."""
-    imu, tacho = log.imu_t_s >= from_s, log.tacho_t_s >= from_s
-    return replace(
-        log, imu_t_s=log.imu_t_s[imu], imu=log.imu[imu], tacho_t_s=log.tacho_t_s[tacho], pulses=log.pulses[tacho]
-    )
 
 
 @pytest.mark.parametrize("by_s", [1.0, 2.0, 5.0])
