@@ -88,8 +88,16 @@ class Stage:
             await self.node.run(config)
             self.outside.stop()
 
-    def fault(self, kind: FaultKind, *, active: bool = True, **fields: float) -> None:
-        message = SimulatorFault(t_ns=self.clock.now_ns(), kind=kind, active=active, **fields)
+    def fault(
+        self,
+        kind: FaultKind,
+        *,
+        active: bool = True,
+        magnitude: float | None = None,
+        duration_s: float | None = None,
+    ) -> None:
+        now_ns = self.clock.now_ns()
+        message = SimulatorFault(t_ns=now_ns, kind=kind, active=active, magnitude=magnitude, duration_s=duration_s)
         self.loop.create_task(self.outside.publish(SIMULATOR_FAULT, message))
         self.loop.settle()
 
