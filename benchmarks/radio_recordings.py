@@ -48,13 +48,14 @@ def road_passes(path: Path) -> list[Pass]:
     return sorted_passes(found, Settings())[0]
 
 
-def simulated(name: str, days: int) -> list[Pass]:
-    """Passes of a scenario that comes with the simulator, over its first days."""
+def simulated(name: str, days: int, radios: Sequence[str] = ()) -> list[Pass]:
+    """Passes of a scenario that comes with the simulator, over its first days, of some of its radios or of all."""
     text = resources.files("services.simulator").joinpath("scenarios", f"{name}.toml").read_text("utf-8")
     scenario = radio_scenario_from_toml(text)
     passes = msgspec.structs.replace(scenario.passes, days=days)
     radio = msgspec.structs.replace(scenario.radio, period_s=1.0)
-    return scenario_passes(msgspec.structs.replace(scenario, passes=passes, radio=radio))
+    found = scenario_passes(msgspec.structs.replace(scenario, passes=passes, radio=radio))
+    return [[one for one in each if not radios or one.radio in radios] for each in found]
 
 
 def scenario_passes(scenario: RadioScenario) -> list[Pass]:

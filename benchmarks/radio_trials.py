@@ -112,6 +112,14 @@ FAULTS = (
 )
 
 
+PAPER_FAULTS = (
+    Fault("-10 dB on one section", -10.0, 0.1, 100.0),
+    Fault("+15 dB on one section", 15.0, 0.1, 100.0),
+    Fault("-10 dB on 1 km", -10.0, 1.0, 100.0),
+    Fault("+15 dB on 1 km", 15.0, 1.0, 100.0),
+)
+
+
 def sections_of(readings: Pass) -> Counter[int]:
     """Samples by section."""
     return Counter(section_of(one.chainage_m, D) for one in readings if one.chainage_m is not None)
@@ -197,7 +205,7 @@ def slow_change(
         start_m = rng.uniform(km[0], km[1] - 1000.0)
         place = (-1e9, 1e9) if whole else (start_m, start_m + 1000.0)
         levels.append(_level_found(copy.deepcopy(watcher), drawn, place))
-    for _ in range(max(trials // 5, 2)):
+    for _ in range(max(trials // 4, 1)):
         drawn = [redated([rng.choice(long)], number, BEGIN_NS) for number in range(120)]
         quiet = copy.deepcopy(watcher)
         seen = {

@@ -55,7 +55,7 @@ def test_faults_are_found_within_three_passes(line: Placements, fault: Fault) ->
 
 
 def test_a_slow_fall_of_the_whole_line_is_told_by_three_decibels(halves: tuple[list[Pass], list[Pass]]) -> None:
-    slow = slow_change(LineWatcher(halves[0]), halves[1], 3, whole=True, by_db=3.0, km=(1500.0, 10_500.0))
+    slow = slow_change(LineWatcher(halves[0]), halves[1], 2, whole=True, by_db=3.0, km=(1500.0, 10_500.0))
     assert slow.found == 100.0
     assert slow.false_alarms <= 1.0
 
