@@ -88,13 +88,21 @@ def trend_points(
 ) -> dict[tuple[int, int], Point]:
     """A pass's word on the whole line (0, 0), and on windows half overlapping each other.
 
-    The whole line's is that of the sections in no finding (`rest`), a window's with all that it has.
+    The whole line's is that of the sections in no finding (`rest`), so is that of a window beside one.
     """
     found: dict[tuple[int, int], Point] = {}
-    half = max(settings.trend_window // 2, 1)
+    left = {
+        (one.start, one.length): one
+        for test in rest
+        for one in (test.window(number, settings.trend_window) for number in _starts(test, settings))
+        if one is not None
+    }
     for test in tests:
-        for number in sorted({int(section) // half - k for section in test.sections for k in (0, 1)}):
-            one = test.window(number * half, settings.trend_window)
+        for number in _starts(test, settings):
+            one = test.window(number, settings.trend_window)
+            beside = left.get((number, settings.trend_window))
+            if one is not None and beside is not None and beside.observed == one.observed:
+                one = beside
             if one is not None:
                 # The mean's error over the window: as over the pass, but averaged over fewer sections.
                 wider = test.shared_variance * max(len(test.sections) / one.observed, 1.0)
@@ -105,6 +113,12 @@ def trend_points(
         shared = max(test.shared_variance for test in rest)
         found[(0, 0)] = Point(t_ns, sum(pull for pull, _ in sums), information, shared)
     return found
+
+
+def _starts(test: PassTest, settings: Settings) -> list[int]:
+    """First sections of the windows that a pass has sections in."""
+    half = max(settings.trend_window // 2, 1)
+    return sorted({(int(section) // half - k) * half for section in test.sections for k in (0, 1)})
 
 
 def trend_of(stream: Stream, window: tuple[int, int], series: Sequence[Point], settings: Settings) -> Trend | None:
@@ -151,8 +165,14 @@ def slope_of(series: Sequence[Point]) -> tuple[float, float]:
     return slope, 1.0 / math.sqrt(spread)
 
 
+WORSE: Final = {"reception": -1.0, "bits": 1.0}
+"""Where only one way is bad: its sign."""
+
+
 def drifts(trend: Trend, settings: Settings) -> bool:
-    """Whether it is worth an event: off its mean, and going farther the same way."""
+    """Whether it is worth an event: off its mean, going farther the same way, and not simply better."""
+    if trend.level * WORSE.get(trend.quantity, trend.level) <= 0.0:
+        return False
     least = settings.trend_change_db * LEAST_CHANGE[trend.quantity]
     return (
         abs(trend.score) >= settings.trend_score

@@ -23,7 +23,7 @@ from services.radio_anomaly.weather_map import Sky, no_weather
 UNITS: Final = {
     "power": "dB",
     "decoded": "dB",
-    "reception": "of 3.14 (angular reception)",
+    "reception": "rad (2 asin √ratio)",
     "bits": "ln bits",
     "frequency": "Hz",
     "temperature": "°C",

@@ -75,3 +75,12 @@ def test_a_loss_may_never_come_and_may_be_here_already() -> None:
     assert here is not None
     assert here.expected_ns == 7
     assert expected_loss(slope(0.5, 0.1), 12.0, 0) is None
+
+
+def test_better_reception_and_fewer_corrected_bits_are_no_trend_worth_a_word() -> None:
+    for quantity, worse in (("reception", -1.0), ("bits", 1.0)):
+        for way in (-1.0, 1.0):
+            series = [Point(k * DAY_NS // 2, way * k / 2.0 * 4.0, 4.0, 0.0) for k in range(10)]
+            trend = trend_of((quantity, "W1", "ch1"), (0, 0), series, Settings())
+            assert trend is not None
+            assert drifts(trend, Settings()) == (way == worse)
