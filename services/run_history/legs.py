@@ -1,25 +1,27 @@
 """Cutting a run into legs from one station's stop to the next, and completing departures and arrivals.
 
 Times follow Maki et al., section 3.2: from the middle of the leg outwards to where the speed falls below V_stop
-(t2, t4), then a ramp of assumed acceleration back to departure (t1), of assumed deceleration on to arrival (t5).
+(t2, t4), then a ramp back to departure (t1) and on to arrival (t5): assumed, or the train's own (`leg_ends`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.line import Station
+from services.run_history.leg_ends import HALT, START, V_STOP_MPS, Ends, Onset, crossing_s, onset_of
 
 Floats = NDArray[np.float64]
-V_STOP_MPS: Final = 8.0 / 3.6
 STATION_REACH_M: Final = 250.0
 """So near to its place a train stops at a station: platforms are long, fixes under roofs are off."""
 SHORTEST_STOP_S: Final = 4.0
+ASIDE_S: Final = 60.0
+"""So far into a stop and into a leg its ends are looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,20 +45,6 @@ class Leg:
     end: Stop
     first: int
     last: int
-
-
-@dataclass(frozen=True, slots=True)
-class Ends:
-    """Departure and arrival [s], by the same clock as the fixes."""
-
-    departure_s: float
-    """t1."""
-    rising_s: float
-    """t2: the speed rises through V_stop."""
-    falling_s: float
-    """t4: it falls through it."""
-    arrival_s: float
-    """t5."""
 
 
 def stops_of(t_s: Floats, way_m: Floats, speed_mps: Floats, stations: Sequence[Station]) -> list[Stop]:
@@ -93,17 +81,39 @@ def legs_of(stops: Sequence[Stop]) -> list[Leg]:
     return [leg for leg in found if leg.last > leg.first]
 
 
-def ends_of(leg: Leg, t_s: Floats, speed_mps: Floats, acceleration_mps2: float, deceleration_mps2: float) -> Ends:
-    """Departure and arrival of a leg; speeds without sign."""
-    rising_s = _crossing(t_s, speed_mps, leg.first - 1, leg.first)
-    falling_s = _crossing(t_s, speed_mps, leg.last, leg.last + 1)
+def assumed_ends(leg: Leg, t_s: Floats, speed_mps: Floats, acceleration_mps2: float, deceleration_mps2: float) -> Ends:
+    """Departure and arrival of a leg by assumed ramps below V_stop (Maki et al., 3.2); speeds without sign."""
+    rising_s = crossing_s(t_s, speed_mps, leg.first - 1, leg.first)
+    falling_s = crossing_s(t_s, speed_mps, leg.last, leg.last + 1)
     departure_s = rising_s - V_STOP_MPS / acceleration_mps2
     arrival_s = falling_s + V_STOP_MPS / deceleration_mps2
     return Ends(departure_s, rising_s, falling_s, arrival_s)
 
 
-def _crossing(t_s: Floats, speed_mps: Floats, before: int, after: int) -> float:
-    """When the speed passes V_stop between two neighbouring fixes."""
-    low, high = speed_mps[before], speed_mps[after]
-    share = 0.5 if high == low else (V_STOP_MPS - low) / (high - low)
-    return float(t_s[before] + np.clip(share, 0.0, 1.0) * (t_s[after] - t_s[before]))
+def start_of(leg: Leg, t_s: Floats, speed_mps: Floats) -> Onset | None:
+    """The start of a leg from measured speeds without sign; its `first` is a number of all fixes."""
+    begin = max(leg.start.first, int(np.searchsorted(t_s, t_s[leg.start.last] - ASIDE_S)))
+    past = min(leg.last + 1, int(np.searchsorted(t_s, t_s[leg.first] + ASIDE_S)))
+    onset = onset_of(t_s[begin:past], speed_mps[begin:past], START)
+    return None if onset is None else replace(onset, first=begin + onset.first)
+
+
+def halt_of(leg: Leg, t_s: Floats, speed_mps: Floats) -> Onset | None:
+    """The arrival of a leg: a start with its time reversed, turned back; slope positive."""
+    begin = max(leg.first, int(np.searchsorted(t_s, t_s[leg.last] - ASIDE_S)))
+    past = min(leg.end.last + 1, int(np.searchsorted(t_s, t_s[leg.end.first] + ASIDE_S)))
+    onset = onset_of(-t_s[begin:past][::-1], speed_mps[begin:past][::-1], HALT)
+    if onset is None:
+        return None
+    return Onset(-onset.still_s, -onset.stop_speed_s, past - 1 - onset.first, onset.slope_mps2)
+
+
+def ends_by_slope(assumed: Ends, start: Onset | None, halt: Onset | None) -> Ends:
+    """Ends by the train's own slopes, by assumed ones where there is no slope."""
+    departure_s, rising_s = assumed.departure_s, assumed.rising_s
+    falling_s, arrival_s = assumed.falling_s, assumed.arrival_s
+    if start is not None:
+        departure_s, rising_s = start.still_s, start.stop_speed_s
+    if halt is not None:
+        falling_s, arrival_s = halt.stop_speed_s, halt.still_s
+    return Ends(departure_s, rising_s, falling_s, arrival_s)

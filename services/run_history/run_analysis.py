@@ -13,7 +13,9 @@ from schemas.line import Station
 from services.line.alignment import Alignment
 from services.line.route_projection import project_run
 from services.run_history.fixes import RunLog
-from services.run_history.legs import Ends, Leg, ends_of, legs_of, stops_of
+from services.run_history.leg_ends import Ends
+from services.run_history.leg_quality import LegEvidence, judged, sudden_move_m
+from services.run_history.legs import Leg, assumed_ends, ends_by_slope, halt_of, legs_of, start_of, stops_of
 from services.run_history.speed_credibility import credible_speeds
 from services.run_history.track_smoothing import Smoothed, moving_average, smoothed
 from services.run_history.traction_energy import Energy, traction_energy
@@ -24,16 +26,10 @@ Direction = Literal["up", "down"]
 FEWEST: Final = 20
 """Fixes of a run that anything can be said of."""
 PLACE_SIGMA_M: Final = 5.0
-LONGEST_GAP_S: Final = 15.0
-LONGEST_MISSING_S: Final = 20.0
-ROUGH_MPS: Final = 0.8
-"""Speeds that differ from the smoothed ones by so much, as a root mean square, are no basis for energy."""
 LEAST_ON_LINE: Final = 0.3
 """Of a run's fixes; fewer, and it is a run on another line."""
-OFF_SHARE: Final = 0.2
-HELD_MPS: Final = 15.0 / 3.6
-"""Slower between stations, away from both: the train was held."""
-HELD_AWAY_S: Final = 45.0
+ENOUGH_SPEEDS: Final = 0.2
+"""Share of a leg's fixes with a credible speed; with fewer, its ends come from the smoothed ones."""
 FACTOR_KMH: Final = 3.6
 
 
@@ -79,7 +75,7 @@ def analyse_run(
 ) -> RunResult:
     """Legs of a run on the main line (the first of `ways`).
 
-    `window_s`: smooth speeds by the article's moving average instead of the smoother.
+    `window_s`: the article's moving average instead of the smoother, and its assumed ramps at both ends.
     """
     if len(log.t_unix_s) < FEWEST:
         return RunResult(log.run_id, (), f"{len(log.t_unix_s)} usable fixes: too few")
@@ -102,7 +98,7 @@ def analyse_run(
     speed = np.abs(track.speed_mps)
     stops = stops_of(t, track.way_m, speed, stations)
     legs = tuple(
-        _leg_run(log.run_id, zero_s, leg, track, credible.speed_mps, on_line, ways[0], vehicle, window_s)
+        _leg_run(log.run_id, zero_s, leg, track, credible.speed_mps, placed.axis_m, ways[0], vehicle, window_s)
         for leg in legs_of(stops)
     )
     return RunResult(log.run_id, legs, "; ".join(notes))
@@ -142,7 +138,7 @@ def _leg_run(
     leg: Leg,
     track: Smoothed,
     measured_mps: Floats,
-    on_line: NDArray[np.bool_],
+    placed_m: Floats,
     way: Alignment,
     vehicle: Vehicle,
     window_s: float | None,
@@ -159,9 +155,16 @@ def _leg_run(
         acceleration = np.gradient(speed, track.t_s)
     force = vehicle.track_force_n(sign * way.gradient_permille(places), way.curvature_per_m(places))
     energy = traction_energy(vehicle, t, speed[part], acceleration[part], track.acceleration_sigma_mps2[part], force)
-    ends = ends_of(leg, track.t_s, speed, vehicle.acceleration_mps2, vehicle.deceleration_mps2)
+    ends = assumed_ends(leg, track.t_s, speed, vehicle.acceleration_mps2, vehicle.deceleration_mps2)
+    sudden_m = 0.0
+    if window_s is None:
+        told_mps = measured_mps if np.isfinite(measured_mps[part]).mean() > ENOUGH_SPEEDS else speed
+        start, halt = start_of(leg, track.t_s, told_mps), halt_of(leg, track.t_s, told_mps)
+        ends = ends_by_slope(ends, start, halt)
+        sudden_m = 0.0 if start is None else sudden_move_m(track.t_s, sign * placed_m, measured_mps, start)
+    evidence = LegEvidence(t, sign * placed_m[part], measured_mps[part], speed[part])
+    quality, reason = judged(evidence, ends, sudden_m)
     ends = Ends(*(zero_s + one for one in (ends.departure_s, ends.rising_s, ends.falling_s, ends.arrival_s)))
-    quality, reason = _judge(t, speed[part], measured_mps[part], on_line[part], ends, zero_s)
     assert leg.start.station is not None  # noqa: S101 - legs run between stations
     assert leg.end.station is not None  # noqa: S101 - the same
     return LegRun(
@@ -177,45 +180,3 @@ def _leg_run(
         t + zero_s,
         speed[part],
     )
-
-
-def _judge(
-    t_s: Floats, speed_mps: Floats, measured_mps: Floats, on_line: NDArray[np.bool_], ends: Ends, zero_s: float
-) -> tuple[float, str]:
-    """Quality from 0 to 1, and why the leg is left out; empty when it counts."""
-    gap_s = float(np.max(np.diff(t_s)))
-    missing_s = _longest_missing(t_s, measured_mps)
-    rest = measured_mps - speed_mps
-    known = np.isfinite(rest)
-    rough = float(np.sqrt(np.mean(rest[known] ** 2))) if known.any() else 0.0
-    off = 1.0 - float(on_line.mean())
-    away = (t_s + zero_s > ends.rising_s + HELD_AWAY_S) & (t_s + zero_s < ends.falling_s - HELD_AWAY_S)
-    held = bool(np.any(away & (speed_mps < HELD_MPS)))
-    reasons = []
-    if gap_s > LONGEST_GAP_S:
-        reasons.append(f"a gap of {gap_s:.0f} s")
-    if missing_s > LONGEST_MISSING_S:
-        reasons.append(f"{missing_s:.0f} s without a credible speed")
-    if rough > ROUGH_MPS:
-        reasons.append(f"speeds disagree with each other by {rough:.1f} m/s")
-    if off > OFF_SHARE:
-        reasons.append(f"{off:.0%} of its fixes off the track")
-    if held:
-        reasons.append("held between stations")
-    quality = 1.0 - max(
-        min(gap_s / LONGEST_GAP_S, 1.0) * 0.5,
-        min(missing_s / LONGEST_MISSING_S, 1.0) * 0.5,
-        min(rough / ROUGH_MPS, 1.0) * 0.5,
-        min(off / OFF_SHARE, 1.0) * 0.5,
-    )
-    return (0.0 if reasons else round(quality, 2)), "; ".join(reasons)
-
-
-def _longest_missing(t_s: Floats, measured_mps: Floats) -> float:
-    if not np.isfinite(measured_mps).any():
-        return 0.0  # derived from places throughout: said in the note, no fault of the leg
-    longest = current = 0.0
-    for missing, step in zip(~np.isfinite(measured_mps[1:]), np.diff(t_s), strict=True):
-        current = current + float(step) if missing else 0.0
-        longest = max(longest, current)
-    return longest

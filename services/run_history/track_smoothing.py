@@ -18,14 +18,14 @@ from services.numerics.kernel import inner_kernel, kernel
 
 Floats = NDArray[np.float64]
 
-JERK: Final = 0.002
+JERK: Final = 0.0003
 """Spectral density of the jerk [m²/s⁵]: trains change their acceleration by about 0.2 m/s² within a second."""
 SPEED_SIGMA_MPS: Final = 0.15
 PLACE_SIGMA_M: Final = 20.0
 """Of a single fix, its likeness with its neighbours included."""
 LONE_PLACE_SIGMA_M: Final = 4.0
 """The same where there is no speed: then places are all there is."""
-FREEDOM: Final = 2.0
+FREEDOM: Final = 1.0
 PASSES: Final = 6
 
 

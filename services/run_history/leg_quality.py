@@ -1,0 +1,111 @@
+"""What a leg is worth: quality from 0 to 1, and the reasons that leave it out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.run_history.leg_ends import Ends, Onset
+
+Floats = NDArray[np.float64]
+LONGEST_GAP_S: Final = 15.0
+LONGEST_MISSING_S: Final = 30.0
+MOST_ASTRAY_M: Final = 250.0
+"""Between the way by places and the way by speeds, over a leg."""
+MOST_SUDDEN_M: Final = 45.0
+"""The same from standstill to shortly after the first speeds: then these do not tell when the train left."""
+SUDDEN_S: Final = 12.0
+STANDING_S: Final = 30.0
+OFF_SHARE: Final = 0.2
+HELD_MPS: Final = 15.0 / 3.6
+"""Slower between stations, away from both: the train was held."""
+HELD_AWAY_S: Final = 45.0
+
+
+@dataclass(frozen=True, slots=True)
+class LegEvidence:
+    """What was measured of a leg; arrays of shape (n,), n fixes from the first to the last."""
+
+    t_s: Floats
+    place_m: Floats
+    """Along the way, rising; NaN off the track."""
+    measured_mps: Floats
+    """Credible speeds; NaN where there is none."""
+    smoothed_mps: Floats
+
+
+def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
+    """Quality from 0 to 1, and why the leg is left out; empty when it counts.
+
+    `sudden_m`: what `sudden_move_m` gave for its start. Times of `ends` are those of the leg's fixes.
+    """
+    gap_s = float(np.max(np.diff(leg.t_s)))
+    missing_s = longest_missing_s(leg.t_s, leg.measured_mps)
+    astray_m = astray(leg)
+    off = 1.0 - float(np.isfinite(leg.place_m).mean())
+    away = (leg.t_s > ends.rising_s + HELD_AWAY_S) & (leg.t_s < ends.falling_s - HELD_AWAY_S)
+    reasons = []
+    if gap_s > LONGEST_GAP_S:
+        reasons.append(f"a gap of {gap_s:.0f} s")
+    if missing_s > LONGEST_MISSING_S:
+        reasons.append(f"{missing_s:.0f} s without a credible speed")
+    if abs(astray_m) > MOST_ASTRAY_M:
+        reasons.append(f"speeds and places disagree by {abs(astray_m):.0f} m of way")
+    if abs(sudden_m) > MOST_SUDDEN_M:
+        reasons.append(f"speeds and places disagree by {abs(sudden_m):.0f} m at the departure")
+    if off > OFF_SHARE:
+        reasons.append(f"{off:.0%} of its fixes off the track")
+    if np.any(away & (leg.smoothed_mps < HELD_MPS)):
+        reasons.append("held between stations")
+    if reasons:
+        return 0.0, "; ".join(reasons)
+    worst = max(
+        gap_s / LONGEST_GAP_S,
+        missing_s / LONGEST_MISSING_S,
+        abs(astray_m) / MOST_ASTRAY_M,
+        abs(sudden_m) / MOST_SUDDEN_M,
+        off / OFF_SHARE,
+    )
+    return round(1.0 - 0.5 * min(worst, 1.0), 2), ""
+
+
+def astray(leg: LegEvidence) -> float:
+    """Way by places less way by speeds, bridged where there were none [m]; 0 where either is missing."""
+    known, placed = np.isfinite(leg.measured_mps), np.flatnonzero(np.isfinite(leg.place_m))
+    if known.sum() < 2 or len(placed) < 2:  # noqa: PLR2004 - a way needs two
+        return 0.0
+    way = _way_m(leg.t_s, np.interp(leg.t_s, leg.t_s[known], leg.measured_mps[known]))
+    first, last = placed[0], placed[-1]
+    return float(leg.place_m[last] - leg.place_m[first] - (way[last] - way[first]))
+
+
+def sudden_move_m(t_s: Floats, place_m: Floats, measured_mps: Floats, start: Onset) -> float:
+    """What the places moved from standstill to shortly after a start's first speeds, less what the speeds explain [m].
+
+    Phones hold their places and speeds in the signal's shadow, and then run after the train.
+    """
+    standing = place_m[(t_s > t_s[start.first] - STANDING_S) & (t_s < start.still_s)]
+    after = (t_s >= t_s[start.first]) & (t_s <= t_s[start.first] + SUDDEN_S)
+    after &= np.isfinite(place_m) & np.isfinite(measured_mps)
+    if not np.isfinite(standing).any() or after.sum() < 3:  # noqa: PLR2004 - a median of three
+        return 0.0
+    ramp_m = measured_mps[start.first] ** 2 / (2.0 * start.slope_mps2)
+    by_speed = ramp_m + _way_m(t_s[after], measured_mps[after])
+    beyond = place_m[after] - np.nanmedian(standing) - by_speed
+    return float(np.median(beyond[len(beyond) // 2 :]))
+
+
+def longest_missing_s(t_s: Floats, measured_mps: Floats) -> float:
+    """Longest time without a credible speed [s]; 0 for a log that has none at all: that is said in its note."""
+    known = t_s[np.isfinite(measured_mps)]
+    if not len(known):
+        return 0.0
+    steps = np.diff(np.concatenate((t_s[:1], known, t_s[-1:])))
+    return float(steps.max(initial=0.0))
+
+
+def _way_m(t_s: Floats, speed_mps: Floats) -> Floats:
+    return np.concatenate(([0.0], np.cumsum(0.5 * (speed_mps[1:] + speed_mps[:-1]) * np.diff(t_s))))
