@@ -42,8 +42,10 @@ def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
 
     `sudden_m`: what `sudden_move_m` gave for its start. Times of `ends` are those of the leg's fixes.
     """
-    gap_s = float(np.max(np.diff(leg.t_s)))
-    missing_s = longest_missing_s(leg.t_s, leg.measured_mps)
+    under_way = slice(*np.searchsorted(leg.t_s, (ends.departure_s, ends.arrival_s)))
+    t_s = leg.t_s[under_way]
+    gap_s = float(np.max(np.diff(t_s), initial=0.0))
+    missing_s = longest_missing_s(t_s, leg.measured_mps[under_way])
     astray_m = astray(leg)
     off = 1.0 - float(np.isfinite(leg.place_m).mean())
     away = (leg.t_s > ends.rising_s + HELD_AWAY_S) & (leg.t_s < ends.falling_s - HELD_AWAY_S)
@@ -95,7 +97,8 @@ def sudden_move_m(t_s: Floats, place_m: Floats, measured_mps: Floats, start: Ons
     ramp_m = measured_mps[start.first] ** 2 / (2.0 * start.slope_mps2)
     by_speed = ramp_m + _way_m(t_s[after], measured_mps[after])
     beyond = place_m[after] - np.nanmedian(standing) - by_speed
-    return float(np.median(beyond[len(beyond) // 2 :]))
+    early, late = float(np.median(beyond)), float(np.median(beyond[len(beyond) // 2 :]))
+    return max(early, late, key=abs)
 
 
 def longest_missing_s(t_s: Floats, measured_mps: Floats) -> float:
