@@ -176,13 +176,25 @@ class Monitor:
         return Judgement(
             views=views,
             findings=tuple(findings),
-            silences=tuple(self.presence.missing(journey, self.settings)),
+            silences=tuple(
+                one for one in self.presence.missing(journey, self.settings) if not self._silence_accepted(journey, one)
+            ),
             trends=tuple(trend for trend in trends if drifts(trend, self.settings)),
             held=tuple(trend for trend in trends if held_back(trend, self.settings)),
             sums=sums,
             points=points,
             learning=tuple(learning),
         )
+
+    def _silence_accepted(self, journey: Journey, silence: Silence) -> bool:
+        """Whether a new normal was accepted there and nothing has been heard since."""
+        key = (silence.radio, silence.channel)
+        mask = self.mask(key)
+        if mask is None or mask(journey.direction, silence.start, journey.day) != "accepted":
+            return False
+        baselines = [self.streams[key].baseline(q, self.settings.half_life_days, mask) for q in ("power", "decoded")]
+        heard = max(one.predict(journey.direction, silence.start, "").passes for one in baselines)
+        return heard < ACCEPTED_PASSES
 
     def _tested(self, stream: Stream, views: dict[Stream, View]) -> bool:
         """Whether its windows are: one power a radio, channel power before decoded power, and reception."""

@@ -149,6 +149,17 @@ def test_a_silent_stretch_is_missing_not_normal() -> None:
     assert "no sample" in found[0].reason
 
 
+def test_a_silence_can_be_accepted_and_taken_back() -> None:
+    watch = Watch()
+    quiet = range(15, 25)
+    for number in range(24, 28):
+        assert [one.kind for one in confirmed(watch.take(one_pass(number, silent=quiet)))] == ["missing"]
+    watch.monitor.accept(acceptance(since_pass=24))
+    assert confirmed(watch.take(one_pass(28, silent=quiet))) == []
+    watch.monitor.accept(acceptance(since_pass=24, revoked=True))
+    assert [one.kind for one in confirmed(watch.take(one_pass(29, silent=quiet)))] == ["missing"]
+
+
 def test_lost_reception_with_unchanged_power_is_interference() -> None:
     watch = Watch(learned=0)
     for number in range(LEARNED):
