@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import os
+from collections import deque
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -29,8 +31,7 @@ from services.runtime.state_dir import state_dir
 
 T = TypeVar("T")
 TEND_S = 600.0
-DELAY_SHARE = 0.9
-"""How slowly the ingest delay that is told follows the newest."""
+SETTLE_S = 4.0
 
 
 class ClickHouseSettings(Settings, frozen=True, kw_only=True):
@@ -80,6 +81,8 @@ class _Work:
     store: Store
     ingest: Ingest
     writing: asyncio.Lock = field(default_factory=asyncio.Lock)
+    said: deque[tuple[float, int]] = field(default_factory=deque)
+    """When an outbox entry was said again, and its number; oldest first."""
 
     async def write(self, work: Callable[[], T]) -> T:
         """Result of work on the store's one writer."""
@@ -100,12 +103,15 @@ async def run(node: Node, config: Config) -> None:
         questions = node.questions(STORE, shard=config.shard)
         async with asyncio.TaskGroup() as group:
             tending = group.create_task(_tend(work), name="tend")
+            settling = group.create_task(_settle(work), name="settle")
             answering = group.create_task(_answer(work, questions), name="answers")
             await _say_again(work)
             node.ready()
             await _take(work, batches)
             answering.cancel()
             tending.cancel()
+            settling.cancel()
+            await _forget(work, math.inf)
     finally:
         await node.in_thread(store.close)
 
@@ -157,7 +163,7 @@ async def _take(work: _Work, batches: AsyncIterator[Question[BridgeBatch, Bridge
         for record in taken.commit.outbox:
             await work.node.publish_mirrored(Sample(record.key, record.payload, record.attachment, record.heard_ns))
         if taken.commit.outbox:
-            await work.write(partial(work.store.published, number))
+            work.said.append((work.node.clock.monotonic_s(), number))
 
 
 async def _answer(work: _Work, questions: AsyncIterator[Question[StoreQuestion, StoreAnswer]]) -> None:
@@ -171,6 +177,25 @@ async def _answer(work: _Work, questions: AsyncIterator[Question[StoreQuestion, 
             continue
         work.node.health.count("questions")
         await question.answer(msgspec.structs.replace(answer, t_ns=work.node.clock.now_ns()))
+
+
+async def _settle(work: _Work) -> None:
+    """Keep what was said until readers have had the time to find its publisher: a crash before says it again."""
+    while True:
+        await asyncio.sleep(SETTLE_S / 2.0)
+        await _forget(work, work.node.clock.monotonic_s() - SETTLE_S)
+
+
+async def _forget(work: _Work, until_s: float) -> None:
+    number = None
+    while work.said and work.said[0][0] <= until_s:
+        _, number = work.said.popleft()
+    if number is not None:
+        try:
+            await work.write(partial(work.store.published, number))
+        except StoreError as error:
+            # The next one takes it along; a start says it again at worst.
+            work.node.health.trouble("store", str(error), work.node.clock.monotonic_s())
 
 
 async def _tend(work: _Work) -> None:
