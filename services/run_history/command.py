@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from services.run_history import report_command
+
 app = typer.Typer(
     no_args_is_help=True, help="Running time and traction energy of runs, from logs.", rich_markup_mode=None
 )
@@ -33,16 +35,16 @@ def analyse(
         float | None,
         typer.Option("--window", min=1.0, max=60.0, help="Moving average of the speed [s] instead of the smoother."),
     ] = None,
+    processes: Annotated[int, typer.Option("--processes", min=1, max=64, help="Analyse in so many processes.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Cut logs into legs from station to station: running time, traction energy, quality.
 
     Example: kirotei runs analyse --log logs/ --line line.json --vehicle vehicle.toml --out runs.csv
     """
-    from services.line.alignment import alignment_of, routes
     from services.line.line_file import load_line
-    from services.run_history.run_analysis import analyse_run
-    from services.run_history.run_rows import RunRow, normalised, row_of
+    from services.run_history.log_analysis import Job, analysed_runs
+    from services.run_history.run_rows import RunRow, normalised
     from services.run_history.runs_file import write_runs
     from services.run_history.runs_log_file import read_runs
     from services.run_history.timetable_file import read_timetable
@@ -54,16 +56,14 @@ def analyse(
         if len(whole.stations) < 2:  # noqa: PLR2004 - a leg needs two
             msg = f"{line}: a line with two stations at least is needed to cut runs into legs"
             raise UsageError(msg)
-        ways = [alignment_of(whole, branch) for branch in routes(whole)]
         train = read_vehicle(vehicle)
         scheduled = read_timetable(timetable) if timetable is not None else {}
         rows: list[RunRow] = []
         notes: list[str] = []
         count = 0
-        for run in read_runs(log):
+        for result in analysed_runs(read_runs(log), Job(whole, train, scheduled, window), processes):
             count += 1
-            result = analyse_run(run, ways, whole.stations, train, window)
-            rows += [row_of(leg, train.group, scheduled, window) for leg in result.legs]
+            rows += result.rows
             if result.note:
                 notes.append(f"{result.run_id}: {result.note}")
             if sys.stderr.isatty():
@@ -118,3 +118,7 @@ def optimum(
         return
     for text in report_lines(report):
         typer.echo(text)
+
+
+app.command()(report_command.report)
+app.command()(report_command.demo)

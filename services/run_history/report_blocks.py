@@ -1,0 +1,119 @@
+"""A report as a sequence of headings, lines, tables and pictures, the same for every form of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from matplotlib.figure import Figure
+
+from services.run_history.report_tables import Table, left_out_line, margin_table, name_of, reception_table
+from services.run_history.report_words import Language, difference_lines, row_of_trace, said, sheet_lines
+from services.run_history.run_plot import crew_sheet, distributions, overlay, patterns
+from services.run_history.run_report import RunReport, SectionReport
+from services.run_history.run_statistics import local_hour
+from services.run_history.time_distance_plot import reception_strip, time_distance
+
+MOST_NOTES: Final = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One of a heading, lines, a table, a picture."""
+
+    heading: str = ""
+    level: int = 2
+    lines: tuple[str, ...] = ()
+    table: Table | None = None
+    picture: Callable[[], Figure] | None = None
+    caption: str = ""
+
+
+def blocks_of(report: RunReport, language: Language, sheets: int) -> Iterator[Block]:
+    """Blocks in order; pictures are drawn when asked for. `sheets`: most crew sheets."""
+    yield Block(heading=said("title", language), level=1)
+    chosen = report.selection
+    summary = said(
+        "summary",
+        language,
+        runs=report.runs,
+        legs=report.legs,
+        counted=report.counted,
+        from_h=chosen.from_h,
+        until_h=chosen.until_h,
+        zone=chosen.zone,
+    )
+    lines = [said("estimate", language), said("upper_limit", language), summary]
+    if report.pseudonyms:
+        lines.append(said("pseudonyms", language))
+    yield Block(lines=tuple(lines))
+    yield Block(heading=said("margin_title", language))
+    yield Block(table=margin_table(report, language))
+    for section in report.sections:
+        yield from _section(section, language)
+    if report.journeys:
+        yield Block(heading=said("diagram", language))
+        yield Block(picture=lambda: time_distance(report, language), caption=said("diagram", language))
+    if report.reception:
+        yield Block(heading=said("reception", language))
+        yield Block(picture=lambda: reception_strip(report.reception, language), caption=said("reception", language))
+        table = reception_table(report.reception, language)
+        if table.rows:
+            yield Block(table=table)
+    yield from _sheets(report, language, sheets)
+    if report.notes:
+        more = len(report.notes) - MOST_NOTES
+        yield Block(heading=said("notes", language))
+        yield Block(lines=(*report.notes[:MOST_NOTES], *((f"… {more}",) if more > 0 else ())))
+
+
+def _section(section: SectionReport, language: Language) -> Iterator[Block]:
+    name = name_of(section)
+    yield Block(heading=f"{name} ({said(section.group.direction, language)})")
+    if section.group.left_out:
+        yield Block(lines=(f"{said('left_out', language)}: {left_out_line(section)}",))
+    if section.driving is not None:
+        yield Block(
+            picture=lambda: overlay(section, language),
+            caption=f"{said('overlay', language)}: {name}",
+        )
+        yield Block(lines=tuple(difference_lines(section, language)))
+        if any(one.row is not None for one in section.patterns):
+            yield Block(
+                picture=lambda: patterns(section, language),
+                caption=f"{said('overlay', language)}: {name}",
+            )
+    if section.group.rows:
+        yield Block(
+            picture=lambda: distributions(section, language),
+            caption=f"{said('scatter', language)}: {name}",
+        )
+
+
+def _sheets(report: RunReport, language: Language, most: int) -> Iterator[Block]:
+    made = 0
+    for section in report.sections:
+        for run, trace in enumerate(section.driving.traces if section.driving else ()):
+            if made >= most:
+                return
+            made += 1
+            row = row_of_trace(section, trace)
+            yield Block(heading=f"{said('sheet', language)}: {row.run_id}, {name_of(section)}")
+            facts = Table(
+                tuple(said(key, language) for key in ("hour", "running_time", "energy_kwh", "energy")),
+                (
+                    (
+                        f"{int(local_hour(row.departure_s, report.selection.zone))}",
+                        f"{row.running_time_s:.0f}" + ("" if row.scheduled_s is None else f" / {row.scheduled_s:.0f}"),
+                        f"{row.energy_kwh:.2f} ± {row.energy_sigma_kwh:.2f}",
+                        f"{section.group.energies[section.group.rows.index(row)]:.3f}",
+                    ),
+                ),
+            )
+            yield Block(table=facts)
+            yield Block(lines=tuple(sheet_lines(section, run, language)))
+            yield Block(
+                picture=lambda section=section, run=run: crew_sheet(section, run, language),  # type: ignore[misc] # mypy: defaults bind the loop's values
+                caption=f"{said('sheet', language)}: {row.run_id}",
+            )

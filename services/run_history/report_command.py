@@ -1,0 +1,217 @@
+"""`kirotei runs report` and `kirotei runs demo`: from runs, or logs of them, to pages and tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from services.run_history.run_analysis import LegRun
+    from services.run_history.run_report import Evidence
+    from services.run_history.run_rows import RunRow
+    from services.run_history.vehicle import Vehicle
+
+Out = Annotated[Path, typer.Option("--out", help="report.html or report.pdf; tables are written beside it.")]
+Lang = Annotated[Literal["en", "ja"], typer.Option("--lang", help="Language of the report.")]
+FromHour = Annotated[float, typer.Option("--from-hour", min=0, max=24, help="Departures from this local hour on.")]
+UntilHour = Annotated[float, typer.Option("--until-hour", min=0, max=24, help="Departures before this local hour.")]
+Zone = Annotated[str, typer.Option("--zone", help="Time zone of the hours.")]
+Within = Annotated[float, typer.Option("--within", min=1, max=600, help="Margin among runs within ± this [s].")]
+Sheets = Annotated[int, typer.Option("--sheets", min=0, max=500, help="Most crew sheets.")]
+
+
+def report(
+    *,
+    out: Out,
+    runs: Annotated[Path | None, typer.Option("--runs", help="runs.csv of `kirotei runs analyse`.")] = None,
+    log: Annotated[Path | None, typer.Option("--log", help="Logs of the runs (file or folder): speeds drawn.")] = None,
+    line: Annotated[Path | None, typer.Option("--line", help="Line file, or 'demo'; with --log.")] = None,
+    vehicle: Annotated[Path | None, typer.Option("--vehicle", help="vehicle.toml, or 'demo'; with --log.")] = None,
+    reference: Annotated[
+        Path | None, typer.Option("--reference", help="Monitor records of the same runs, as a runs log; with --log.")
+    ] = None,
+    timetable: Annotated[
+        Path | None, typer.Option("--timetable", help="CSV with from, to, running_time_s; without --runs.")
+    ] = None,
+    lang: Lang = "en",
+    names: Annotated[bool, typer.Option("--names", help="Run ids as they are, no pseudonyms.")] = False,
+    from_hour: FromHour = 10.0,
+    until_hour: UntilHour = 16.0,
+    zone: Zone = "Asia/Tokyo",
+    within: Within = 10.0,
+    sheets: Sheets = 10,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
+) -> None:
+    """Statistics, energy-saving margin, diagrams and crew sheets of runs, as a page and as tables.
+
+    Example: kirotei runs report --log gpx/ --line line.json --vehicle vehicle.toml --out report.html
+    """
+    from services.run_history.report_file import salt_beside, write_report, write_tables
+    from services.run_history.run_report import report_of
+    from services.run_history.run_statistics import Selection
+    from services.run_history.runs_table_file import read_rows
+    from services.run_history.timetable_file import read_timetable
+    from services.runtime.told_command import UsageError, told
+
+    with told("runs report"):
+        _refuse(out, runs, log, line, vehicle, reference, timetable)
+        selection = Selection(from_hour, until_hour, _known_zone(zone))
+        evidence: Evidence | None = None
+        notes: list[str] = []
+        if log is not None and line is not None and vehicle is not None:
+            evidence, notes = _evidence(log, line, vehicle, reference)
+        if runs is not None:
+            rows: Sequence[RunRow] = read_rows(runs)
+        else:
+            rows = _rows(evidence, read_timetable(timetable) if timetable is not None else {})
+        if not rows:
+            msg = "no leg from station to station in it: nothing to report"
+            raise UsageError(msg)
+        salt = None if names else salt_beside(out)
+        found = report_of(rows, selection, evidence, salt, within, notes)
+        if found.counted == 0:
+            found_notes = (*found.notes, "no run counts: widen the hours (--from-hour, --until-hour, --zone)")
+            found = report_of(rows, selection, evidence, salt, within, found_notes)
+        note = write_report(out, found, lang, sheets)
+        tables = write_tables(out, found)
+    if as_json:
+        summary = {
+            "runs": found.runs,
+            "legs": found.legs,
+            "counted": found.counted,
+            "out": str(out),
+            "tables": [str(path) for path in tables],
+            "notes": [*found.notes, *([note] if note else [])],
+        }
+        typer.echo(json.dumps(summary, ensure_ascii=False))
+        return
+    for text in (*found.notes, *([note] if note else [])):
+        typer.echo(f"note: {text}", err=True)
+    typer.echo(f"{found.runs} runs, {found.legs} legs, {found.counted} counted, into {out} and {len(tables)} tables")
+
+
+def _refuse(
+    out: Path,
+    runs: Path | None,
+    log: Path | None,
+    line: Path | None,
+    vehicle: Path | None,
+    reference: Path | None,
+    timetable: Path | None,
+) -> None:
+    """Say what does not go together before anything is read."""
+    from services.runtime.told_command import UsageError
+
+    if out.suffix.lower() not in (".html", ".htm", ".pdf"):
+        msg = f"--out {out}: wanted is .html or .pdf"
+        raise UsageError(msg)
+    if runs is None and log is None:
+        msg = "give --runs (runs.csv), --log (with --line and --vehicle), or both"
+        raise UsageError(msg)
+    if (log is not None) != (line is not None and vehicle is not None):
+        msg = "--log, --line and --vehicle go together"
+        raise UsageError(msg)
+    if reference is not None and log is None:
+        msg = "--reference is compared with --log"
+        raise UsageError(msg)
+    if timetable is not None and runs is not None:
+        msg = "--timetable belongs to the analysis: runs.csv holds its times already"
+        raise UsageError(msg)
+
+
+def _known_zone(zone: str) -> str:
+    from zoneinfo import ZoneInfo
+
+    from services.runtime.told_command import UsageError
+
+    try:
+        ZoneInfo(zone)
+    except (KeyError, ValueError, OSError) as error:
+        msg = f"--zone {zone}: no such time zone; they are called as Asia/Tokyo or Europe/Budapest"
+        raise UsageError(msg) from error
+    return zone
+
+
+def _vehicle(path: Path) -> Vehicle:
+    from services.run_history.demo_vehicle import DEMO, demo_vehicle
+    from services.run_history.vehicle_file import read_vehicle
+
+    return demo_vehicle() if str(path) == DEMO else read_vehicle(path)
+
+
+def _evidence(log: Path, line: Path, vehicle: Path, reference: Path | None) -> tuple[Evidence, list[str]]:
+    """Legs, reference and reception of logs, and notes on them."""
+    from services.line.alignment import alignment_of, routes
+    from services.line.line_file import load_line
+    from services.line.route_projection import project_run
+    from services.run_history.reception_survey import survey
+    from services.run_history.run_analysis import PLACE_SIGMA_M, analyse_run
+    from services.run_history.run_report import Evidence
+    from services.run_history.runs_log_file import read_runs
+
+    whole = load_line(line).line
+    ways = [alignment_of(whole, branch) for branch in routes(whole)]
+    train = _vehicle(vehicle)
+    legs: list[LegRun] = []
+    notes: list[str] = []
+    heard = []
+    for run in read_runs(log):
+        result = analyse_run(run, ways, whole.stations, train)
+        legs += result.legs
+        if result.note:
+            notes.append(f"{result.run_id}: {result.note}")
+        if len(run.t_unix_s) > 1:
+            t = run.t_unix_s - run.t_unix_s[0]
+            placed = project_run(ways, t, run.lat_deg, run.lon_deg, PLACE_SIGMA_M)
+            heard.append((t, placed.axis_m, run.speed_mps))
+    compared: list[LegRun] = []
+    for run in read_runs(reference) if reference is not None else ():
+        compared += analyse_run(run, ways, whole.stations, train).legs
+    if train.assumed():
+        notes.append(f"{train.name}: assumed, for no source is stated: {', '.join(train.assumed())}")
+    return Evidence(ways[0], train, tuple(legs), tuple(compared), tuple(survey(heard))), notes
+
+
+def _rows(evidence: Evidence | None, scheduled: dict[tuple[str, str], float]) -> list[RunRow]:
+    from services.run_history.run_rows import normalised, row_of
+
+    if evidence is None:
+        return []
+    return normalised([row_of(leg, evidence.vehicle.group, scheduled, None) for leg in evidence.legs])
+
+
+def demo(
+    *,
+    out: Annotated[Path, typer.Option("--out", help="Folder for log, vehicle file and report; made if need be.")],
+    runs: Annotated[int, typer.Option("--runs", min=1, max=500, help="Runs, half of them each way.")] = 24,
+    scenario: Annotated[str, typer.Option("--scenario", help="Train scenario of the simulator.")] = "demo_line",
+    lang: Lang = "en",
+    pdf: Annotated[bool, typer.Option("--pdf", help="PDF instead of HTML.")] = False,
+) -> None:
+    """Simulate runs of a line over days, log them as a tablet would, and make the whole report of them.
+
+    Example: kirotei runs demo --out demo_runs
+    """
+    from services.run_history.demo_vehicle import DEMO_TOML
+    from services.run_history.runs_log_writer_file import write_runs_log
+    from services.run_history.simulated_runs import simulated_runs
+    from services.runtime.told_command import UsageError, told
+    from services.simulator.scenario_file import alignment_for, read_any_scenario
+    from services.simulator.train_scenario import TrainScenario
+
+    with told("runs demo"):
+        chosen = read_any_scenario(scenario)
+        loaded = alignment_for(chosen) if isinstance(chosen, TrainScenario) else None
+        if not isinstance(chosen, TrainScenario) or loaded is None:
+            msg = f"{scenario}: wanted is a scenario of a train on a line"
+            raise UsageError(msg)
+        out.mkdir(parents=True, exist_ok=True)
+        log, vehicle = out / "runs_log.csv", out / "vehicle.toml"
+        write_runs_log(log, simulated_runs(chosen, loaded.alignment, runs))
+        vehicle.write_text(DEMO_TOML, "utf-8")
+    line = Path(chosen.line or "demo")
+    report(out=out / ("report.pdf" if pdf else "report.html"), log=log, line=line, vehicle=vehicle, lang=lang)
