@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import duckdb
@@ -14,6 +15,8 @@ from services.run_history.gpx_file import read_gpx
 from services.run_history.nmea_file import read_nmea
 
 ENDINGS: Final = (".csv", ".parquet", ".gpx", ".nmea", ".txt", ".log")
+MEMORY: Final = "512MB"
+BATCH_ROWS: Final = 300_000
 WANTED: Final = ("t_unix_s", "lat_deg", "lon_deg")
 OTHERS: Final = {
     "speed_kmh": "speed_mps (divide by 3.6)",
@@ -60,27 +63,49 @@ def read_runs(path: Path) -> Iterator[RunLog]:
 
 def _read_table(path: Path) -> Iterator[RunLog]:
     reader = "read_parquet(?)" if path.suffix.lower() == ".parquet" else "read_csv(?, header=true, sample_size=-1)"
-    with duckdb.connect() as connection:
+    # Rows go through a table on disk in order of runs: a log of thousands of runs does not fit into memory.
+    with TemporaryDirectory(prefix="kirotei-runs-") as folder, duckdb.connect(str(Path(folder, "runs"))) as connection:
         connection.execute("SET threads=1")
+        connection.execute(f"SET memory_limit='{MEMORY}'")
         found = connection.execute(f"DESCRIBE SELECT * FROM {reader}", [str(path)]).fetchall()  # noqa: S608 - one of two
         names = {str(row[0]): str(row[1]) for row in found}
         _require(path, names)
         speed = "speed_mps" if "speed_mps" in names else "NULL"
         run = "CAST(run_id AS VARCHAR)" if "run_id" in names else "''"
         columns = [f"TRY_CAST({name} AS DOUBLE) AS {name}" for name in WANTED]
-        rows = connection.execute(
-            f"SELECT {run} AS run_id, {', '.join(columns)}, TRY_CAST({speed} AS DOUBLE) AS speed_mps "  # noqa: S608 - names are our own
-            f"FROM {reader} ORDER BY run_id",
+        connection.execute(
+            f"CREATE TABLE fixes AS SELECT {run} AS run_id, {', '.join(columns)}, "  # noqa: S608 - names are our own
+            f"TRY_CAST({speed} AS DOUBLE) AS speed_mps FROM {reader} ORDER BY run_id",
             [str(path)],
+        )
+        counts = connection.execute("SELECT run_id, count(*) FROM fixes GROUP BY run_id ORDER BY run_id").fetchall()
+        if not counts:
+            msg = f"{path}: no rows"
+            raise RunsLogError(msg)
+        yield from _runs_of(connection, path, counts)
+
+
+def _runs_of(
+    connection: duckdb.DuckDBPyConnection, path: Path, counts: Sequence[tuple[str | None, int]]
+) -> Iterator[RunLog]:
+    """Runs of the sorted table, some hundred thousand rows at a time."""
+    past = 0
+    batch: list[tuple[str | None, int]] = []
+    for number, one in enumerate(counts):
+        batch.append(one)
+        size = sum(count for _, count in batch)
+        if size < BATCH_ROWS and number < len(counts) - 1:
+            continue
+        rows = connection.execute(
+            "SELECT * FROM fixes WHERE rowid >= ? AND rowid < ? ORDER BY rowid", [past, past + size]
         ).fetchnumpy()
-    ids = np.asarray(rows["run_id"], dtype=object)
-    if len(ids) == 0:
-        msg = f"{path}: no rows"
-        raise RunsLogError(msg)
-    first = np.flatnonzero(np.concatenate(([True], ids[1:] != ids[:-1])))
-    filled = [_floats(rows[name]) for name in (*WANTED, "speed_mps")]
-    for start, past in zip(first, [*first[1:], len(ids)], strict=True):
-        yield run_log(str(ids[start]) or path.stem, *(one[start:past] for one in filled))
+        filled = [_floats(rows[name]) for name in (*WANTED, "speed_mps")]
+        start = 0
+        for name, count in batch:
+            yield run_log(name or path.stem, *(column[start : start + count] for column in filled))
+            start += count
+        past += size
+        batch = []
 
 
 def _require(path: Path, names: dict[str, str]) -> None:

@@ -68,23 +68,22 @@ def _leave_out_frozen(t_s: Floats, speed: Floats) -> int:
 
 def _leave_out_drops(t_s: Floats, speed: Floats) -> int:
     """What follows a fall to zero that no brake can do, until most of the speed is back."""
-    count = 0
-    last = -1
-    lost = 0.0
-    for i in range(len(speed)):
-        if not np.isfinite(speed[i]):
+    dropped = []
+    last_s = last_mps = lost = 0.0
+    begun = False
+    for i, (now_s, now_mps) in enumerate(zip(t_s.tolist(), speed.tolist(), strict=True)):
+        if now_mps != now_mps:  # noqa: PLR0124 - NaN; the quickest way to ask in a long loop
             continue
-        if lost > 0.0 and (speed[i] > REGAINED_SHARE * lost or t_s[i] - t_s[last] > MOST_HELD_S):
+        if lost > 0.0 and (now_mps > REGAINED_SHARE * lost or now_s - last_s > MOST_HELD_S):
             lost = 0.0
-        if lost == 0.0 and last >= 0 and speed[i] <= ZERO_MPS:
-            before = speed[last]
-            lost = before if before > DROP_MPS and before > HARDEST_MPS2 * (t_s[i] - t_s[last]) else 0.0
+        if lost == 0.0 and begun and now_mps <= ZERO_MPS and last_mps > DROP_MPS:
+            lost = last_mps if last_mps > HARDEST_MPS2 * (now_s - last_s) else 0.0
         if lost > 0.0:
-            speed[i] = np.nan
-            count += 1
+            dropped.append(i)
         else:
-            last = i
-    return count
+            last_s, last_mps, begun = now_s, now_mps, True
+    speed[dropped] = np.nan
+    return len(dropped)
 
 
 def _leave_out_held(t_s: Floats, speed: Floats) -> int:
