@@ -17,6 +17,7 @@ AREAS = (
     "position",
     "radio",
     "replay",
+    "runs",
     "start",
     "track-circuit",
 )
