@@ -12,6 +12,7 @@ from services.landmark_matching import command as landmarks
 from services.line import command as line
 from services.motion_sensors import command as motion_sensors
 from services.odometry_fusion import command as motion
+from services.radio_anomaly import command as radio
 from services.recorder import command as recorder
 from services.run_history import command as runs
 from services.runtime import bench_command, bus_command, demo_command, warm_up_command
@@ -43,6 +44,7 @@ app.add_typer(landmarks.app, name="landmarks")
 app.add_typer(position.app, name="position")
 app.add_typer(line.app, name="line")
 app.add_typer(track_circuit.app, name="track-circuit")
+app.add_typer(radio.app, name="radio")
 app.add_typer(runs.app, name="runs")
 app.add_typer(cloud.app, name="cloud")
 app.command()(simulator.simulate)
