@@ -90,8 +90,8 @@ def write_log(path: Path, way: Alignment, runs: int) -> int:
     with duckdb.connect() as connection:
         connection.register("columns", {"run": np.repeat(np.arange(runs), n), **columns})
         connection.execute(
-            "COPY (SELECT t_unix_s, lat_deg, lon_deg, speed_mps, printf('%05d', run) AS run_id FROM columns) "
-            f"TO '{path}' (FORMAT parquet)"  # noqa: S608 - the path is our own temporary one
+            "COPY (SELECT t_unix_s, lat_deg, lon_deg, speed_mps, printf('%05d', run) AS run_id FROM columns) "  # noqa: S608 - our own path
+            f"TO '{path}' (FORMAT parquet)"
         )
     return rows
 
