@@ -1,0 +1,166 @@
+"""Runs with known times and energies, and logs with everything wrong that logs have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.run_history.run_analysis import analyse_run
+from services.run_history.traction_energy import JOULE_PER_KWH
+from tests.unit.run_history.made_runs import (
+    FULL_MPS,
+    LINE,
+    STAND_S,
+    TRAIN,
+    WAY,
+    ZERO_S,
+    joined,
+    leg_time_s,
+    made_run,
+    part,
+    result_of,
+    with_speed,
+)
+
+TIME_S = 1.6
+"""A made train starts without a jerk and stops without creeping; half of what ramps allow for real ones."""
+
+
+def names(log_result: object) -> list[tuple[str, str]]:
+    return [(leg.start.name, leg.end.name) for leg in log_result.legs]  # type: ignore[attr-defined]  # any result
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_legs_and_running_times_in_both_directions(up: bool) -> None:  # noqa: FBT001 - a case
+    result = result_of(made_run(up=up))
+    assert names(result) == ([("A", "B"), ("B", "C")] if up else [("C", "B"), ("B", "A")])
+    for leg, length_m in zip(result.legs, (3000.0, 4000.0) if up else (4000.0, 3000.0), strict=True):
+        assert leg.direction == ("up" if up else "down")
+        assert leg.excluded_because == ""
+        # Two ramps, each off by up to TIME_S the same way.
+        assert leg.running_time_s == pytest.approx(leg_time_s(length_m), abs=2 * TIME_S)
+    assert result.legs[0].ends.departure_s == pytest.approx(ZERO_S + STAND_S, abs=TIME_S)
+
+
+def test_traction_energy_in_closed_form() -> None:
+    leg = result_of(made_run()).legs[0]
+    rise_s = FULL_MPS / 0.7
+    cruise_s = leg_time_s(3000.0) - 2.0 * rise_s
+    kinetic_j = 0.5 * TRAIN.inertial_mass_kg * FULL_MPS**2
+    a, _, c = TRAIN.coefficients()
+    rising_j = a * FULL_MPS * rise_s / 2.0 + c * FULL_MPS**3 * rise_s / 4.0
+    cruising_j = (a + c * FULL_MPS**2) * FULL_MPS * cruise_s
+    expected_kwh = (kinetic_j + rising_j + cruising_j) / JOULE_PER_KWH
+    # Smoothing rounds the corners of the speed: less than three per cent of a leg of 3 km.
+    assert leg.energy.wheel_kwh == pytest.approx(expected_kwh, rel=0.03)
+    assert leg.energy.traction_kwh == pytest.approx(leg.energy.wheel_kwh / 0.85)
+    assert 0.0 < leg.energy.sigma_kwh < 0.2 * leg.energy.traction_kwh
+
+
+def test_the_articles_window_takes_the_assumed_ramps() -> None:
+    leg = analyse_run(made_run(noise=0.0), [WAY], LINE.stations, TRAIN, 7.0).legs[0]
+    v_stop = 8.0 / 3.6
+    assert leg.ends.rising_s - leg.ends.departure_s == pytest.approx(v_stop / 0.48)
+    assert leg.ends.arrival_s - leg.ends.falling_s == pytest.approx(v_stop / 0.60)
+
+
+def test_speeds_in_kmh_are_found_out() -> None:
+    log = made_run()
+    plain, kmh = result_of(log), result_of(with_speed(log, log.speed_mps * 3.6))
+    assert "km/h" in kmh.note
+    assert kmh.legs[0].energy.traction_kwh == pytest.approx(plain.legs[0].energy.traction_kwh)
+
+
+def test_a_log_without_speeds_is_derived_from_places_and_says_so() -> None:
+    log = made_run()
+    result = result_of(with_speed(log, np.full(len(log.t_unix_s), np.nan)))
+    assert "derived from places" in result.note
+    # Places of 2 m tell the time of a start less sharply than speeds: some seconds at each end.
+    assert result.legs[0].running_time_s == pytest.approx(leg_time_s(3000.0), abs=8.0)
+
+
+def test_another_railway_is_said() -> None:
+    log = made_run()
+    result = result_of(replace(log, lon_deg=log.lon_deg + 0.3))
+    assert result.legs == ()
+    assert "another railway" in result.note
+
+
+@pytest.mark.parametrize("n", [0, 1, 19])
+def test_too_few_fixes_are_said(n: int) -> None:
+    log = made_run()
+    result = result_of(part(log, np.arange(len(log.t_unix_s)) < n))
+    assert result.legs == ()
+    assert "too few" in result.note
+
+
+def test_a_log_cut_in_mid_leg_gives_the_whole_legs_alone() -> None:
+    log = made_run()
+    result = result_of(part(log, log.t_unix_s < ZERO_S + STAND_S + leg_time_s(3000.0) + STAND_S + 60.0))
+    assert names(result) == [("A", "B")]
+    late = result_of(part(log, log.t_unix_s > ZERO_S + STAND_S + 60.0))
+    assert ("B", "C") in names(late)
+    assert ("A", "B") not in names(late)
+
+
+def test_a_turn_back_at_the_terminus_is_two_directions() -> None:
+    there = made_run()
+    back = made_run(up=False, zero_s=float(there.t_unix_s[-1]) + 300.0)
+    result = result_of(joined(there, back))
+    assert names(result) == [("A", "B"), ("B", "C"), ("C", "B"), ("B", "A")]
+    assert [leg.direction for leg in result.legs] == ["up", "up", "down", "down"]
+    assert all(leg.excluded_because == "" for leg in result.legs)
+
+
+def test_midnight_is_no_event() -> None:
+    midnight_s = 1_700_006_400.0  # 2023-11-15T00:00:00Z
+    over = result_of(made_run(zero_s=midnight_s - 100.0))
+    plain = result_of(made_run())
+    assert over.legs[0].running_time_s == pytest.approx(plain.legs[0].running_time_s, abs=1e-6)
+
+
+def test_a_clock_that_is_off_moves_times_and_nothing_else() -> None:
+    early, late = result_of(made_run()), result_of(made_run(zero_s=ZERO_S + 37.4))
+    for one, other in zip(early.legs, late.legs, strict=True):
+        assert other.ends.departure_s - one.ends.departure_s == pytest.approx(37.4, abs=1e-3)
+        assert other.energy.traction_kwh == pytest.approx(one.energy.traction_kwh, rel=1e-6)
+
+
+def test_a_gap_under_way_leaves_a_leg_out_and_one_in_a_stop_does_not() -> None:
+    log = made_run()
+    t = log.t_unix_s - ZERO_S
+    under_way = result_of(part(log, (t < 100.0) | (t > 130.0)))
+    assert "gap of 3" in under_way.legs[0].excluded_because
+    assert under_way.legs[0].quality == 0.0
+    standing = result_of(part(log, (t < 5.0) | (t > 30.0)))
+    assert standing.legs[0].excluded_because == ""
+
+
+def test_a_train_held_between_stations_is_left_out() -> None:
+    log = made_run()
+    t = log.t_unix_s - ZERO_S
+    middle = int(np.searchsorted(t, 120.0))
+    waits = np.arange(1.0, 91.0)
+    held = [np.insert(one, middle, np.full(90, one[middle])) for one in (log.lat_deg, log.lon_deg)]
+    times = np.concatenate((log.t_unix_s[:middle], log.t_unix_s[middle] + waits, log.t_unix_s[middle:] + 91.0))
+    speed = np.insert(log.speed_mps, middle, np.zeros(90))
+    result = result_of(replace(log, t_unix_s=times, lat_deg=held[0], lon_deg=held[1], speed_mps=speed))
+    assert "held between stations" in result.legs[0].excluded_because
+
+
+def test_a_departure_that_the_places_contradict_is_left_out() -> None:
+    log = made_run()
+    t = log.t_unix_s - ZERO_S
+    speed = np.where((t > STAND_S) & (t < STAND_S + 16.0), 0.0, log.speed_mps)
+    speed = np.where((t >= STAND_S + 16.0) & (t < STAND_S + 60.0), (t - STAND_S - 16.0) * 0.8 + 1.5, speed)
+    result = result_of(with_speed(log, np.minimum(speed, FULL_MPS)))
+    assert "at the departure" in result.legs[0].excluded_because
+
+
+def test_a_frozen_receiver_is_judged_by_its_places() -> None:
+    log = made_run()
+    speed = np.where(log.speed_mps > 5.0, 12.3, log.speed_mps)
+    leg = result_of(with_speed(log, speed)).legs[0]
+    assert float(leg.speed_mps.max()) > FULL_MPS - 2.0 or leg.excluded_because

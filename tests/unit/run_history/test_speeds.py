@@ -1,0 +1,105 @@
+"""What speeds are believed, and how they are smoothed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from services.run_history.speed_credibility import credible_speeds
+from services.run_history.track_smoothing import moving_average, smoothed
+from services.run_history.traction_energy import traction_energy
+from tests.unit.run_history.made_runs import TRAIN
+
+T = np.arange(0.0, 200.0, 1.0)
+START = np.clip((T - 30.0) * 0.6, 0.0, 20.0)
+
+
+def test_a_clean_run_is_believed_whole() -> None:
+    credible = credible_speeds(T, START + 0.001 * np.abs(np.sin(T)), 40.0)
+    assert np.isfinite(credible.speed_mps[T > 31.0]).all()
+    assert (credible.held, credible.dropped, credible.frozen, credible.spikes) == (0, 0, 0, 0)
+
+
+def test_held_zeros_spikes_drops_and_frozen_values_are_left_out_and_counted() -> None:
+    speed = START + 0.001 * np.abs(np.sin(T))
+    speed[T < 30.0] = 0.0
+    speed[(T >= 30.0) & (T < 42.0)] = 0.0
+    speed[100] = 82.0
+    speed[120:124] = 0.0
+    speed[150:170] = 19.9
+    credible = credible_speeds(T, speed, 40.0)
+    assert credible.held >= 9
+    assert np.isnan(credible.speed_mps[35:42]).all()
+    assert np.isfinite(credible.speed_mps[:29]).all()
+    assert credible.spikes == 1
+    assert credible.dropped == 4
+    assert credible.frozen == 19
+    assert np.isnan(credible.speed_mps[[100, 121, 160]]).all()
+
+
+def test_a_fall_to_zero_from_walking_pace_is_a_stop() -> None:
+    speed = np.clip(20.0 - T * 0.6, 0.0, 20.0)
+    speed[speed < 2.5] = 0.0
+    assert credible_speeds(T, speed, 40.0).dropped == 0
+
+
+@given(seed=st.integers(0, 10_000))
+def test_speeds_left_are_those_that_came(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    speed = rng.uniform(-5.0, 60.0, len(T)) * (rng.random(len(T)) > 0.3)
+    left = credible_speeds(T, speed, 40.0).speed_mps
+    kept = np.isfinite(left)
+    assert np.array_equal(left[kept], speed[kept])
+    assert ((left[kept] >= 0.0) & (left[kept] <= 40.0)).all()
+
+
+@settings(deadline=None)  # the first example compiles
+@given(speed_mps=st.floats(0.0, 30.0), rise_mps2=st.floats(-0.1, 0.5), start_m=st.floats(-1e4, 1e4))
+def test_smoothing_leaves_a_steady_rise_alone(speed_mps: float, rise_mps2: float, start_m: float) -> None:
+    speed = speed_mps + rise_mps2 * T
+    way = start_m + speed_mps * T + 0.5 * rise_mps2 * T * T
+    track = smoothed(T, way, speed)
+    # The first state is a guess with a spread of 10 m/s: it leaves a ten-thousandth.
+    assert track.speed_mps == pytest.approx(speed, abs=0.01)
+    assert track.acceleration_mps2[20:-20] == pytest.approx(rise_mps2, abs=0.01)
+
+
+def test_smoothing_bridges_what_is_missing_and_says_how_sure() -> None:
+    way = 20.0 * T
+    speed = np.full(len(T), 20.0)
+    missing = (T > 90.0) & (T < 110.0)
+    track = smoothed(T, np.where(missing, np.nan, way), np.where(missing, np.nan, speed))
+    assert track.way_m == pytest.approx(way, abs=0.1)
+    assert track.speed_sigma_mps[100] > 3.0 * track.speed_sigma_mps[60]
+
+
+def test_the_moving_average_is_the_mean_of_its_window() -> None:
+    speed = np.random.default_rng(1).uniform(0.0, 20.0, len(T))
+    assert moving_average(T, speed, 7.0)[50] == pytest.approx(speed[47:54].mean())
+    speed[48:52] = np.nan
+    assert moving_average(T, speed, 7.0)[50] == pytest.approx(np.nanmean(speed[47:54]))
+    assert np.isnan(moving_average(T, np.full(len(T), np.nan), 7.0)).all()
+
+
+@given(climb=st.floats(0.0, 30.0), speed_mps=st.floats(1.0, 30.0))
+def test_cruising_costs_resistance_and_climb(climb: float, speed_mps: float) -> None:
+    n = len(T)
+    force = TRAIN.track_force_n(climb, 0.0)
+    still = np.zeros(n)
+    energy = traction_energy(TRAIN, T, np.full(n, speed_mps), still, still, np.full(n, float(force)))
+    expected_j = (float(TRAIN.resistance_n(speed_mps)) + float(force)) * speed_mps * (T[-1] - T[0])
+    assert energy.wheel_kwh == pytest.approx(expected_j / 3.6e6)
+    assert energy.traction_kwh == pytest.approx(energy.wheel_kwh / 0.85)
+    assert energy.regenerated_kwh == 0.0
+
+
+def test_braking_costs_nothing_and_curves_cost() -> None:
+    n = len(T)
+    still = np.zeros(n)
+    braking = traction_energy(TRAIN, T, np.full(n, 10.0), still - 1.0, still, still)
+    assert braking.traction_kwh == 0.0
+    assert float(TRAIN.track_force_n(0.0, 1.0 / 400.0)) == pytest.approx(
+        7845.0 / 400.0 * TRAIN.running_mass_kg / 1000.0
+    )
