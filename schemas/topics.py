@@ -5,7 +5,7 @@ How keys are made of them, and topics found from keys: schemas/topic.py.
 
 from __future__ import annotations
 
-from schemas import bridge, gnss, health, motion, position, radio, track_circuit
+from schemas import bridge, gnss, health, motion, position, radio, runs, track_circuit
 from schemas.message import Message
 from schemas.topic import ROOT, Address, Delivery, Query, Topic, TopicError, TopicTable
 
@@ -240,6 +240,13 @@ WEATHER = Topic(
     0.01,
     "weather at a place of the line",
 )
+RUN_RECORD = Topic(
+    "train/{train}/run",
+    runs.RunRecord,
+    Delivery.KEPT,
+    None,
+    "running time and traction energy of a leg from station to station",
+)
 BRIDGE_STATUS = Topic(
     "{kind}/{place}/bridge/{bridge}", bridge.BridgeStatus, Delivery.STATE, 1.0, "backlog, delay and losses of a bridge"
 )
@@ -300,6 +307,7 @@ ALL: tuple[Topic[Message], ...] = (
     RADIO_SECTION,
     RADIO_ACCEPTANCE,
     WEATHER,
+    RUN_RECORD,
     BRIDGE_STATUS,
     DOCUMENT,
     HEALTH,

@@ -100,20 +100,19 @@ def _sheets(report: RunReport, language: Language, most: int) -> Iterator[Block]
             made += 1
             row = row_of_trace(section, trace)
             yield Block(heading=f"{said('sheet', language)}: {row.run_id}, {name_of(section)}")
-            facts = Table(
-                tuple(said(key, language) for key in ("hour", "running_time", "energy_kwh", "energy")),
-                (
-                    (
-                        f"{int(local_hour(row.departure_s, report.selection.zone))}",
-                        f"{row.running_time_s:.0f}" + ("" if row.scheduled_s is None else f" / {row.scheduled_s:.0f}"),
-                        f"{row.energy_kwh:.2f} ± {row.energy_sigma_kwh:.2f}",
-                        f"{section.group.energies[section.group.rows.index(row)]:.3f}",
-                    ),
-                ),
-            )
-            yield Block(table=facts)
-            yield Block(lines=tuple(sheet_lines(section, run, language)))
             yield Block(
                 picture=lambda section=section, run=run: crew_sheet(section, run, language),  # type: ignore[misc] # mypy: defaults bind the loop's values
                 caption=f"{said('sheet', language)}: {row.run_id}",
             )
+            facts = (
+                ("hour", f"{int(local_hour(row.departure_s, report.selection.zone))}"),
+                ("running_time", f"{row.running_time_s:.0f}" + _of(row.scheduled_s)),
+                ("energy_kwh", f"{row.energy_kwh:.2f} ± {row.energy_sigma_kwh:.2f}"),
+                ("energy", f"{section.group.energies[section.group.rows.index(row)]:.3f}"),
+            )
+            told = " · ".join(f"{said(key, language)} {value}" for key, value in facts)
+            yield Block(lines=(told, *sheet_lines(section, run, language)))
+
+
+def _of(scheduled_s: float | None) -> str:
+    return "" if scheduled_s is None else f" / {scheduled_s:.0f}"

@@ -10,7 +10,7 @@ import csv
 import io
 import secrets
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -30,12 +30,16 @@ from services.run_history.report_words import Language
 from services.run_history.run_report import RunReport
 
 CJK_FONTS: Final = ("Noto Sans CJK JP", "IPAexGothic", "IPAGothic", "Yu Gothic", "Hiragino Sans", "Noto Sans JP")
+CJK_FILES: Final = ("notosanscjk-regular", "notosanscjkjp-regular", "notosansjp", "ipaexg", "ipag", "yugoth")
+"""How files of such fonts begin."""
 SALT_BYTES: Final = 32
 PAGE_INCHES: Final = (11.7, 8.3)
 LINE: Final = 0.032
 """Of a page's height."""
 TOP: Final = 0.93
 BOTTOM: Final = 0.06
+TABLE_ROWS: Final = 18
+LINES_BELOW: Final = 12
 WRAP: Final = {"en": 150, "ja": 80}
 NO_FONT: Final = "no Japanese font is installed (e.g. fonts-noto-cjk): the PDF is in English"
 
@@ -45,9 +49,19 @@ class ReportFileError(ValueError):
 
 
 def cjk_font() -> str | None:
-    """A font with Japanese that is installed here, or None."""
+    """A font with Japanese that is installed here, or None.
+
+    Looks into the system's fonts too: matplotlib's list of them may be older than the fonts.
+    """
     installed = {font.name for font in font_manager.fontManager.ttflist}
-    return next((name for name in CJK_FONTS if name in installed), None)
+    known = next((name for name in CJK_FONTS if name in installed), None)
+    if known is not None:
+        return known
+    for path in sorted(font_manager.findSystemFonts()):
+        if Path(path).name.lower().startswith(CJK_FILES):
+            font_manager.fontManager.addfont(path)
+            return font_manager.FontProperties(fname=path).get_name()
+    return None
 
 
 def salt_beside(out: Path) -> bytes:
@@ -124,37 +138,85 @@ def _write_pdf(out: Path, report: RunReport, language: Language, sheets: int) ->
     _put(out, drawn.getvalue())
 
 
-def _pages(blocks: Iterable[Block], wrap: int) -> Iterator[Figure]:
-    """Text and tables flow over pages; each picture has its own under the text before it."""
-    figure, y = Figure(figsize=PAGE_INCHES), TOP
-    empty = True
-    for block in blocks:
-        if block.picture is not None:
-            if not empty:
-                yield figure
-            yield block.picture()
-            figure, y, empty = Figure(figsize=PAGE_INCHES), TOP, True
-            continue
+class _Sheets:
+    """Text and tables that flow over pages; pictures have pages of their own, with the lines that follow them."""
+
+    def __init__(self, wrap: int) -> None:
+        self._wrap = wrap
+        self._figure, self._y, self._empty = Figure(figsize=PAGE_INCHES), TOP, True
+        self._heading = ""
+
+    def finish(self) -> Iterator[Figure]:
+        """The page begun, if anything stands on it."""
+        if not self._empty:
+            yield self._figure
+            self._figure, self._y, self._empty = Figure(figsize=PAGE_INCHES), TOP, True
+
+    def take(self, block: Block) -> Iterator[Figure]:
+        """Put a block of text or a table; gives the pages that became full."""
+        if block.heading:
+            if block.level == 1:
+                yield from self._text([block.heading], 16)
+            else:
+                self._heading = block.heading
+            return
+        if block.lines or block.table is not None:
+            heading, self._heading = self._heading, ""
+            yield from self._text([heading] if heading else [], 12)
+        yield from self._text([part for line in block.lines for part in textwrap.wrap(line, self._wrap)], 9)
         if block.table is not None:
-            for first in range(0, max(1, len(block.table.rows)), 18):
-                part = Table(block.table.heads, block.table.rows[first : first + 18])
-                height = LINE * 1.15 * (len(part.rows) + 1)
-                if y - height < BOTTOM:
-                    yield figure
-                    figure, y = Figure(figsize=PAGE_INCHES), TOP
-                _draw_table(figure, part, y, height)
-                y, empty = y - height - LINE, False
-            continue
-        size = (16 if block.level == 1 else 12) if block.heading else 9
-        lines = [part for line in (block.heading, *block.lines) if line for part in textwrap.wrap(line, wrap)]
-        for line in lines:
-            if y < BOTTOM + 3 * LINE * bool(block.heading):
-                yield figure
-                figure, y = Figure(figsize=PAGE_INCHES), TOP
-            figure.text(0.05, y, line, fontsize=size, va="top")
-            y, empty = y - LINE * size / 9.0, False
-    if not empty:
+            yield from self._table(block.table)
+
+    def picture(self, block: Block, below: Sequence[str]) -> Iterator[Figure]:
+        """A picture with its heading, and lines below it."""
+        assert block.picture is not None  # noqa: S101 - only asked for pictures
+        yield from self.finish()
+        heading, self._heading = self._heading or block.caption, ""
+        figure = block.picture()
+        figure.set_size_inches(*PAGE_INCHES)
+        lines = [part for line in below for part in textwrap.wrap(line, self._wrap)]
+        height = LINE * (len(lines) + 1) if lines else 0.0
+        figure.set_layout_engine("constrained", rect=(0.03, 0.03 + height, 0.94, 0.90 - height))
+        figure.text(0.05, 0.96, heading, fontsize=12, va="top")
+        for number, line in enumerate(lines):
+            figure.text(0.06, height + 0.02 - LINE * number, line, fontsize=9, va="top")
         yield figure
+
+    def _text(self, lines: Sequence[str], size: int) -> Iterator[Figure]:
+        for line in lines:
+            if self._y < BOTTOM + (3 * LINE if size > 9 else 0.0):  # noqa: PLR2004 - a heading keeps what follows
+                yield from self.finish()
+            self._figure.text(0.05, self._y, line, fontsize=size, va="top")
+            self._y, self._empty = self._y - LINE * max(size / 9.0, 1.0), False
+
+    def _table(self, table: Table) -> Iterator[Figure]:
+        for first in range(0, max(1, len(table.rows)), TABLE_ROWS):
+            part = Table(table.heads, table.rows[first : first + TABLE_ROWS])
+            height = 1.15 * LINE * (len(part.rows) + 1)
+            if self._y - height < BOTTOM:
+                yield from self.finish()
+            _draw_table(self._figure, part, self._y, height)
+            self._y, self._empty = self._y - height - LINE, False
+
+
+def _pages(blocks: Iterable[Block], wrap: int) -> Iterator[Figure]:
+    """Pages of a report."""
+    sheets = _Sheets(wrap)
+    waiting: Block | None = None
+    for block in blocks:
+        if waiting is not None:
+            taken = bool(block.lines) and len(block.lines) <= LINES_BELOW
+            yield from sheets.picture(waiting, block.lines if taken else ())
+            waiting = None
+            if taken:
+                continue
+        if block.picture is not None:
+            waiting = block
+        else:
+            yield from sheets.take(block)
+    if waiting is not None:
+        yield from sheets.picture(waiting, ())
+    yield from sheets.finish()
 
 
 def _draw_table(figure: Figure, part: Table, top: float, height: float) -> None:

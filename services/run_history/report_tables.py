@@ -49,7 +49,7 @@ def _margin_row(section: SectionReport, language: Language) -> tuple[str, ...]:
     group, margin = section.group, section.margin
     first = (f"{group.start} → {group.end}", group.series, str(len(group.rows)))
     if margin is None:
-        return (*first, *("–",) * 7, said("small", language))
+        return (*first, *("–",) * 7, said("none_counts", language))
     remarks = []
     if margin.small:
         remarks.append(said("small", language))

@@ -46,6 +46,7 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
     "best": ("energy-saving run", "代表省エネパターン"),
     "remark": ("remark", "備考"),
     "small": ("small sample", "標本少数"),
+    "none_counts": ("no run counts", "集計対象なし"),
     "no_schedule": ("no schedule known: median", "査定時分なし:中央値を使用"),
     "histogram": ("Running time", "走行時分の分布"),
     "scatter": ("Running time and traction energy", "走行時分と力行電力量"),

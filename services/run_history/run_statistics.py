@@ -5,6 +5,7 @@ After Maki et al., sections 2.2 and 4.3: quiet hours only, energy over the mean 
 
 from __future__ import annotations
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ Floats = NDArray[np.float64]
 BAR_S: Final = 10.0
 SMALL_SAMPLE: Final = 10
 """Fewer runs than this say little, and are told so."""
+_FIGURES: Final = re.compile(r"(?:\b(?:of|by|over)\s+)?[\d.]+\s?(?:%|(?:km/h|m/s|s|m)\b)(?:\s+of\b)?")
 OUTSIDE_HOURS: Final = "outside the hours"
 
 
@@ -111,8 +113,7 @@ def _direction(text: str) -> Literal["up", "down"]:
 
 def _kind(reason: str) -> str:
     """The first reason without its figures, so that like is counted with like."""
-    words = reason.split(";", maxsplit=1)[0].split()
-    return " ".join(word for word in words if not any(sign.isdigit() for sign in word))
+    return _FIGURES.sub("", reason.split(";", maxsplit=1)[0]).strip()
 
 
 @dataclass(frozen=True, slots=True)

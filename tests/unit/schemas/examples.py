@@ -47,6 +47,7 @@ from schemas.position import (
     TrainTruth,
 )
 from schemas.radio import RadioAcceptance, RadioEvent, RadioMeasurement, RadioSection, Weather
+from schemas.runs import RunRecord
 from schemas.track_circuit import (
     CircuitEvent,
     CircuitHealth,
@@ -438,6 +439,22 @@ EXAMPLES: dict[type[Message], Message] = {
         why="a hall was built",
     ),
     Weather: Weather(t_ns=_T_NS, axis_m=4200.0, temperature_c=-2.0, snow_mm_per_h=1.5, snow_depth_cm=12.0),
+    RunRecord: RunRecord(
+        t_ns=_T_NS,
+        run_id="1774933200",
+        from_station="juso",
+        to_station="toyonaka",
+        direction="up",
+        departure_ns=_T_NS - 421_500_000_000,
+        arrival_ns=_T_NS,
+        running_time_s=421.5,
+        energy_kwh=58.25,
+        energy_sigma_kwh=2.5,
+        quality=0.9,
+        series="1000",
+        vehicle="1000 series, 8 cars",
+        line_version="2026-1",
+    ),
     BridgeStatus: BridgeStatus(
         t_ns=_T_NS,
         linked=True,
