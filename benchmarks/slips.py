@@ -1,6 +1,6 @@
 """Simulated slips by the thousand: what the modes of odometry make of them, condition by condition.
 
-    python -m benchmarks.slips [--slips 1000] [--seed 1] [--method fused] [CONDITION …]
+    python -m benchmarks.slips [--slips 1000] [--seed 1] [--method fused] [--kinds cycling …] [CONDITION …]
 
 Every condition has runs of half an hour on lines of their own (services/simulator), judged as docs/odometry_fusion.md
 says. Prints a line per condition as soon as it is done.
@@ -30,8 +30,9 @@ from services.odometry_fusion.motion_log import STATUSES, MotionRows, OdometrySt
 from services.odometry_fusion.paper_odometry import PaperOdometry
 from services.odometry_fusion.paper_settings import PaperSettings
 from services.simulator.motion_log import MotionLog, slip_runs
-from services.simulator.motion_settings import Adhesion, Imu, MotionSettings, Tacho
+from services.simulator.motion_settings import Adhesion, Imu, MotionSettings, SlipKind, Tacho
 from services.simulator.random_track import TrackSettings
+from services.simulator.slip_episodes import KINDS
 
 MethodName = Literal["fused", "paper"]
 RUN_S = 1_800.0
@@ -135,10 +136,16 @@ def judge(log: MotionLog, rows: MotionRows, figures: Figures) -> None:
     figures.worst = max(figures.worst, float((error_m / rows.bound_m).max()))
 
 
-def runs(condition: Condition, slips: int, seed: int) -> Iterator[MotionLog]:
-    """Simulated runs with so many slips."""
+def runs(condition: Condition, slips: int, seed: int, kinds: list[SlipKind] | None = None) -> Iterator[MotionLog]:
+    """Simulated runs with so many slips, of some kinds alone or of all."""
+    settings = condition.settings
+    if kinds is not None:
+        weights = {kind: settings.adhesion.weights[kind] for kind in kinds}
+        settings = msgspec.structs.replace(
+            settings, adhesion=msgspec.structs.replace(settings.adhesion, weights=weights)
+        )
     track = TrackSettings(max_gradient_permille=condition.gradient_permille)
-    return slip_runs(seed, slips, condition.settings, track, duration_s=RUN_S)
+    return slip_runs(seed, slips, settings, track, duration_s=RUN_S)
 
 
 def main() -> None:
@@ -147,7 +154,9 @@ def main() -> None:
     parser.add_argument("--slips", type=int, default=1_000, help="per condition")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--method", choices=("fused", "paper"), default="fused")
-    parser.add_argument("conditions", nargs="*", metavar="CONDITION", help=f"of {', '.join(CONDITIONS)}; default: all")
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=None, help="of slips; all when left out")
+    known = ", ".join(CONDITIONS).replace("%", "%%")
+    parser.add_argument("conditions", nargs="*", metavar="CONDITION", help=f"of {known}; default: all")
     asked = parser.parse_args()
     unknown = [name for name in asked.conditions if name not in CONDITIONS]
     if unknown:
@@ -155,7 +164,7 @@ def main() -> None:
     print(HEADER, flush=True)  # noqa: T201 - this is a table for a person
     for name in asked.conditions or CONDITIONS:
         figures = Figures()
-        for log in runs(CONDITIONS[name], asked.slips, asked.seed):
+        for log in runs(CONDITIONS[name], asked.slips, asked.seed, asked.kinds):
             judge(log, odometry_of(log, asked.method, known_scale=CONDITIONS[name].known_scale), figures)
         print(figures.line(name), flush=True)  # noqa: T201 - the same
 
