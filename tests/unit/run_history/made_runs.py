@@ -68,18 +68,18 @@ def made_run(*, up: bool = True, run_id: str = "r1", zero_s: float = ZERO_S, noi
 
 def joined(first: RunLog, second: RunLog) -> RunLog:
     """Two runs as one log."""
-    both = zip(
-        (first.t_unix_s, first.lat_deg, first.lon_deg, first.speed_mps),
-        (second.t_unix_s, second.lat_deg, second.lon_deg, second.speed_mps),
-        strict=True,
+    return RunLog(
+        first.run_id,
+        np.concatenate((first.t_unix_s, second.t_unix_s)),
+        np.concatenate((first.lat_deg, second.lat_deg)),
+        np.concatenate((first.lon_deg, second.lon_deg)),
+        np.concatenate((first.speed_mps, second.speed_mps)),
     )
-    return RunLog(first.run_id, *(np.concatenate(pair) for pair in both))
 
 
 def part(log: RunLog, chosen: NDArray[np.bool_]) -> RunLog:
     """Some of a log's fixes."""
-    columns = (log.t_unix_s, log.lat_deg, log.lon_deg, log.speed_mps)
-    return RunLog(log.run_id, *(one[chosen] for one in columns))
+    return RunLog(log.run_id, log.t_unix_s[chosen], log.lat_deg[chosen], log.lon_deg[chosen], log.speed_mps[chosen])
 
 
 def with_speed(log: RunLog, speed_mps: Floats) -> RunLog:

@@ -1,0 +1,94 @@
+"""Real runs of line 80 from two receivers, and real drives with measured energy."""
+
+from __future__ import annotations
+
+import csv
+import os
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pytest
+
+from benchmarks.measured_energy import drives, errors
+from schemas.line import Line
+from services.line.import_file import import_from_files
+from services.line.line_import import Wishes
+from services.run_history.log_analysis import Job, analysed_runs
+from services.run_history.run_rows import RunRow
+from services.run_history.runs_log_file import read_runs
+from services.run_history.vehicle import Vehicle
+
+FIELD = os.environ.get("KIROTEI_FIELD_DATA")
+RUNS = Path(FIELD or "") / "runs"
+HUNGARY = RUNS / "hungary_line80"
+TRAIN = Vehicle(name="FLIRT", mass_t=120.0, load_t=20.0, max_speed_mps=44.4)
+Leg = tuple[str, str, str]
+Both = tuple[dict[Leg, RunRow], dict[Leg, RunRow]]
+
+pytestmark = pytest.mark.skipif(not FIELD, reason="KIROTEI_FIELD_DATA names no folder of real logs")
+
+
+@pytest.fixture(scope="module")
+def line() -> Line:
+    files = (HUNGARY / "axis.geojson", HUNGARY / "stations.geojson", HUNGARY / "profile.csv")
+    return import_from_files(*files, Wishes(gauge_m=1.435)).line
+
+
+def legs(line: Line, receiver: str, folder: Path) -> dict[Leg, RunRow]:
+    log = folder / f"{receiver}.csv"
+    duckdb.connect().execute(
+        f"COPY (SELECT t AS t_unix_s, lat AS lat_deg, lon AS lon_deg, v AS speed_mps, run AS run_id "  # noqa: S608 - our own paths
+        f"FROM '{HUNGARY / 'runs.parquet'}' WHERE rx = '{receiver}') TO '{log}'"
+    )
+    found = analysed_runs(read_runs(log), Job(line, TRAIN, {}))
+    return {(row.run_id, row.start, row.end): row for one in found for row in one.rows}
+
+
+@pytest.fixture(scope="module")
+def both(line: Line, tmp_path_factory: pytest.TempPathFactory) -> Both:
+    folder = tmp_path_factory.mktemp("runs")
+    return legs(line, "phone", folder), legs(line, "ubx", folder)
+
+
+@pytest.fixture(scope="module")
+def true_s() -> dict[Leg, float]:
+    with (HUNGARY / "legs.csv").open(encoding="utf-8") as file:
+        return {(row["run_id"], row["from"], row["to"]): float(row["running_time_s"]) for row in csv.DictReader(file)}
+
+
+def test_running_times_of_the_phone(both: Both, true_s: dict[Leg, float]) -> None:
+    phone, _ = both
+    used = [leg for leg in true_s if leg in phone and not phone[leg].excluded_because]
+    off_s = np.array([phone[leg].running_time_s - true_s[leg] for leg in used])
+    assert len(used) >= 0.9 * len(true_s)
+    # 1.76 s and 3.1 s today; the article's assumed ramps give 2.1 s and 3.4 s.
+    assert np.sqrt(np.mean(off_s**2)) <= 1.8
+    assert np.percentile(np.abs(off_s), 95) <= 3.2
+    assert abs(off_s.mean()) <= 0.5
+
+
+def test_running_times_of_the_better_receiver(both: Both, true_s: dict[Leg, float]) -> None:
+    _, ubx = both
+    used = [leg for leg in true_s if leg in ubx and not ubx[leg].excluded_because]
+    off_s = np.array([ubx[leg].running_time_s - true_s[leg] for leg in used])
+    assert len(used) == len(true_s)
+    assert np.sqrt(np.mean(off_s**2)) <= 1.6
+
+
+def test_energy_of_the_phone_against_the_better_receiver(both: Both, true_s: dict[Leg, float]) -> None:
+    phone, ubx = both
+    used = [leg for leg in true_s if not phone[leg].excluded_because and not ubx[leg].excluded_because]
+    off = np.array([phone[leg].energy_kwh / ubx[leg].energy_kwh - 1.0 for leg in used])
+    assert np.median(np.abs(off)) <= 0.010
+    assert np.percentile(np.abs(off), 95) <= 0.06
+    assert abs(np.median(off)) <= 0.005
+
+
+def test_energy_against_what_a_battery_gave() -> None:
+    found = drives(RUNS / "ev_energy" / "drives.parquet")
+    assert len(found) >= 20
+    for half in (0, 1):
+        factor, rest = errors(found, half)
+        assert 0.8 < factor < 1.25
+        assert np.median(rest) <= 0.065
