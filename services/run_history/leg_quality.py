@@ -13,7 +13,7 @@ from services.run_history.leg_ends import Ends, Onset
 Floats = NDArray[np.float64]
 LONGEST_GAP_S: Final = 15.0
 LONGEST_MISSING_S: Final = 30.0
-MOST_ASTRAY_M: Final = 250.0
+MOST_ASTRAY_M: Final = 300.0
 """Between the way by places and the way by speeds, over a leg."""
 MOST_SUDDEN_M: Final = 45.0
 """The same from standstill to shortly after the first speeds: then these do not tell when the train left."""
