@@ -10,6 +10,7 @@ import csv
 import io
 import secrets
 import textwrap
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,6 +43,9 @@ TABLE_ROWS: Final = 18
 LINES_BELOW: Final = 12
 WRAP: Final = {"en": 150, "ja": 80}
 NO_FONT: Final = "no Japanese font is installed (e.g. fonts-noto-cjk): the PDF is in English"
+
+NO_FONT_NAMES: Final = "no Japanese font is installed (e.g. fonts-noto-cjk): names in Japanese are missing in the PDF"
+FIRST_CJK: Final = "\u2e80"
 
 
 class ReportFileError(ValueError):
@@ -91,10 +95,17 @@ def write_report(out: Path, report: RunReport, language: Language, sheets: int) 
         case ".pdf":
             fitting: Language = language if language == "en" or cjk_font() else "en"
             _write_pdf(out, report, fitting, sheets)
-            return NO_FONT if fitting != language else ""
+            if fitting != language:
+                return NO_FONT
+            return "" if cjk_font() or not _names_cjk(report) else NO_FONT_NAMES
         case other:
             msg = f"{out}: {other or 'no ending'} is none of .html, .pdf"
             raise ReportFileError(msg)
+
+
+def _names_cjk(report: RunReport) -> bool:
+    names = (name for one in report.sections for name in (one.group.start, one.group.end, one.group.series))
+    return any(letter >= FIRST_CJK for name in names for letter in name)
 
 
 @contextmanager
@@ -108,7 +119,9 @@ def _drawing() -> Iterator[None]:
         "pdf.fonttype": 42,
         "text.parse_math": False,
     }
-    with mpl.rc_context(settings):
+    with mpl.rc_context(settings), warnings.catch_warnings():
+        # Without such a font a browser draws what is missing by its own, and the note tells it of a PDF.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         yield
 
 
