@@ -9,9 +9,10 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from schemas.bridge import BridgedRecord
@@ -26,15 +27,19 @@ PER_ROW = 20
 PAGE = 4096
 
 
+def everything() -> list[BridgedRecord]:
+    return [record(number, payload=noise(1000, number)) for number in range(ROWS * PER_ROW)]
+
+
 def filled(folder: Path) -> list[BridgedRecord]:
-    """A spool of batches that are too large to be folded, closed as it should be."""
-    everything = [record(number, payload=noise(1000, number)) for number in range(ROWS * PER_ROW)]
+    """A spool of batches that are too large to be folded, closed as it should be; what of it is not acknowledged."""
+    records = everything()
     with opened(folder) as spool:
-        for start in range(0, len(everything), PER_ROW):
-            spool.put(everything[start : start + PER_ROW])
+        for start in range(0, len(records), PER_ROW):
+            spool.put(records[start : start + PER_ROW])
         spool.put([record(0, EVENT_KEY)])
         assert spool.acknowledge("bulk", PER_ROW + 4) == PER_ROW + 5
-    return everything[PER_ROW + 5 :]
+    return records[PER_ROW + 5 :]
 
 
 def overwrite(path: Path, offset: int, size: int, seed: int = 1) -> None:
@@ -91,17 +96,26 @@ def test_a_damaged_body_is_quarantined_and_the_rest_goes_out(tmp_path: Path) -> 
         assert file.execute("SELECT first, count FROM damaged").fetchall() == [(60, PER_ROW)]
 
 
+class Whole(NamedTuple):
+    """A sound spool and what is in it. Shown without its megabytes when an example fails."""
+
+    folder: Path
+    left: list[BridgedRecord]
+
+    def __repr__(self) -> str:
+        return f"<{len(self.left)} records>"
+
+
 @pytest.fixture(scope="module")
-def model() -> Iterator[tuple[Path, list[BridgedRecord]]]:
+def model() -> Iterator[Whole]:
     with tempfile.TemporaryDirectory(dir=QUICK_DISK) as name:
-        yield Path(name), filled(Path(name))
+        yield Whole(Path(name), filled(Path(name)))
 
 
 @settings(max_examples=25, deadline=None)
+@example(pages={3}, seed=0)
 @given(pages=st.sets(st.integers(1, 700), min_size=1, max_size=4), seed=st.integers(0, 1000))
-def test_whatever_pages_are_lost_what_is_left_is_right_and_in_order(
-    model: tuple[Path, list[BridgedRecord]], pages: set[int], seed: int
-) -> None:
+def test_whatever_pages_are_lost_what_is_left_is_right_and_in_order(model: Whole, pages: set[int], seed: int) -> None:
     whole, left = model
     with tempfile.TemporaryDirectory(dir=QUICK_DISK) as name:
         path = Path(name) / "spool.sqlite"
@@ -109,7 +123,8 @@ def test_whatever_pages_are_lost_what_is_left_is_right_and_in_order(
         for page in pages:
             overwrite(path, page * PAGE % path.stat().st_size, PAGE, seed)
         found = saved(Path(name))
-    by_number = {one.heard_ns: one for one in left}
+    # Without the page that says what was acknowledged, the rest of a half acknowledged batch comes once more.
+    by_number = {one.heard_ns: one for one in (*everything()[PER_ROW : PER_ROW + 5], *left)}
     assert all(by_number[one.heard_ns] == one for one in found)
     numbers = [one.heard_ns for one in found]
     assert numbers == sorted(numbers)
