@@ -26,6 +26,9 @@ Direction = Literal["up", "down"]
 FEWEST: Final = 20
 """Fixes of a run that anything can be said of."""
 PLACE_SIGMA_M: Final = 5.0
+MANY_LEFT_OUT: Final = 0.02
+TO_AND_FRO_M: Final = 15.0
+"""Single fixes are off by some metres; two clocks a second apart put a moving train this far to and fro."""
 LEAST_ON_LINE: Final = 0.3
 """Of a run's fixes; fewer, and it is a run on another line."""
 ENOUGH_SPEEDS: Final = 0.2
@@ -87,10 +90,20 @@ def analyse_run(
         return RunResult(
             log.run_id, (), f"{on_line.mean():.0%} of its fixes lie near the line: the line of another railway?"
         )
+    jump_m = _to_and_fro_m(t, placed.axis_m)
+    if jump_m > TO_AND_FRO_M:
+        return RunResult(
+            log.run_id,
+            (),
+            f"its fixes jump to and fro by {jump_m:.0f} m: two devices under one run id, or a wild clock?",
+        )
     kmh = _looks_like_kmh(t, placed.axis_m, log.speed_mps)
     speeds = log.speed_mps / FACTOR_KMH if kmh else log.speed_mps
     credible = credible_speeds(t, np.ascontiguousarray(speeds), 1.3 * vehicle.max_speed_mps)
     notes = ["its speeds are km/h: divided by 3.6"] if kmh else []
+    rows = len(t) + log.left_out
+    if log.left_out > MANY_LEFT_OUT * rows:
+        notes.append(f"{log.left_out} of {rows} rows left out: no place, no time, or a time that was there already")
     if not np.isfinite(log.speed_mps).any():
         notes.append("no speeds in the log: derived from places")
     signed = _signed(t, placed.axis_m, credible.speed_mps)
@@ -102,6 +115,18 @@ def analyse_run(
         for leg in legs_of(stops)
     )
     return RunResult(log.run_id, legs, "; ".join(notes))
+
+
+def _to_and_fro_m(t_s: Floats, axis_m: Floats) -> float:
+    """Median distance of moving fixes from where their two neighbours put them; 0 with too few of them."""
+    at, ahead, behind = axis_m[1:-1], axis_m[2:], axis_m[:-2]
+    span_s = t_s[2:] - t_s[:-2]
+    near = np.isfinite(at + ahead + behind) & (span_s < 5.0)  # noqa: PLR2004 - neighbours, no gap
+    moving = near & (np.abs(ahead - behind) > 5.0 * span_s)
+    if moving.sum() < FEWEST:
+        return 0.0
+    expected = behind + (ahead - behind) * (t_s[1:-1] - t_s[:-2]) / span_s
+    return float(np.median(np.abs(at - expected)[moving]))
 
 
 def _looks_like_kmh(t_s: Floats, axis_m: Floats, speed_mps: Floats) -> bool:

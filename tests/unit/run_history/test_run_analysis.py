@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from services.run_history.fixes import run_log
 from services.run_history.run_analysis import analyse_run
 from services.run_history.traction_energy import JOULE_PER_KWH
 from tests.unit.run_history.made_runs import (
@@ -126,6 +127,21 @@ def test_a_clock_that_is_off_moves_times_and_nothing_else() -> None:
     for one, other in zip(early.legs, late.legs, strict=True):
         assert other.ends.departure_s - one.ends.departure_s == pytest.approx(37.4, abs=1e-3)
         assert other.energy.traction_kwh == pytest.approx(one.energy.traction_kwh, rel=1e-6)
+
+
+@pytest.mark.parametrize("apart_s", [1.3, 5.3, 60.4])
+def test_two_devices_with_different_clocks_under_one_run_are_said(apart_s: float) -> None:
+    both = joined(made_run(), made_run(zero_s=ZERO_S + apart_s))
+    result = result_of(run_log("both", both.t_unix_s, both.lat_deg, both.lon_deg, both.speed_mps))
+    assert result.legs == ()
+    assert "two devices" in result.note
+
+
+def test_fixes_at_the_same_times_are_left_out_and_told() -> None:
+    both = joined(made_run(), made_run(zero_s=ZERO_S + 60.0))
+    result = result_of(run_log("both", both.t_unix_s, both.lat_deg, both.lon_deg, both.speed_mps))
+    assert "rows left out" in result.note
+    assert result.legs[0].running_time_s == pytest.approx(leg_time_s(3000.0), abs=2 * TIME_S)
 
 
 def test_a_gap_under_way_leaves_a_leg_out_and_one_in_a_stop_does_not() -> None:
