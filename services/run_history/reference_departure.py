@@ -14,6 +14,8 @@ from services.run_history.speed_trace import SpeedTrace, grid_over, speeds_on
 Floats = NDArray[np.float64]
 LEAVES_MPS: Final = 5.0 / 3.6
 STRETCH_M: Final = 100.0
+ENDS_M: Final = 200.0
+"""Beside stops a few metres of place are more than 5 km/h of speed: nothing is said there."""
 REPEATED_SHARE: Final = 0.3
 REPEATED_RUNS: Final = 2
 
@@ -38,6 +40,7 @@ def departures(pairs: Sequence[tuple[SpeedTrace, SpeedTrace]], length_m: float) 
         return []
     grid = grid_over(length_m)
     apart = np.stack([np.abs(speeds_on(log, grid) - speeds_on(reference, grid)) for log, reference in pairs])
+    apart[:, (grid < ENDS_M) | (grid > length_m - ENDS_M)] = 0.0
     stretch = np.floor(grid / STRETCH_M).astype(np.int64)
     worst = np.stack([apart[:, stretch == k].max(axis=1) for k in range(int(stretch[-1]) + 1)], axis=1)
     leaves = worst > LEAVES_MPS

@@ -62,7 +62,7 @@ def _margin_row(section: SectionReport, language: Language) -> tuple[str, ...]:
         f"{margin.mean:.3f}",
         f"{margin.minimum:.3f}",
         f"{100 * margin.margin:.1f} %",
-        f"{100 * margin.low:.1f}–{100 * margin.high:.1f} %",
+        f"{100 * margin.low:.1f}–{100 * margin.high:.1f} %" if len(margin.rows) > 1 else "–",
         margin.best.run_id,
         "; ".join(remarks),
     )

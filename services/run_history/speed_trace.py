@@ -24,7 +24,7 @@ class SpeedTrace:
     departure_s: float
     """Unix time."""
     way_m: Floats
-    """From the departure station, never falling."""
+    """From the departure station's place, never falling; trains stop some metres before or behind it."""
     time_s: Floats
     """Since departure."""
     speed_mps: Floats
@@ -33,14 +33,14 @@ class SpeedTrace:
 def trace_of(leg: LegRun) -> SpeedTrace:
     """Trace of an analysed leg, with its completed departure and arrival as ends."""
     sign = 1.0 if leg.end.axis_m > leg.start.axis_m else -1.0
-    length_m = abs(leg.end.axis_m - leg.start.axis_m)
     inside = (leg.t_s > leg.ends.departure_s) & (leg.t_s < leg.ends.arrival_s)
-    way = np.clip(sign * (leg.way_m[inside] - leg.start.axis_m), 0.0, length_m)
+    way = sign * (leg.way_m - leg.start.axis_m)
+    first, last = np.interp((leg.ends.departure_s, leg.ends.arrival_s), leg.t_s, way)
     time = leg.t_s[inside] - leg.ends.departure_s
     return SpeedTrace(
         leg.run_id,
         leg.ends.departure_s,
-        np.maximum.accumulate(np.concatenate(([0.0], way, [length_m]))),
+        np.maximum.accumulate(np.concatenate(([first], way[inside], [last]))),
         np.concatenate(([0.0], time, [leg.running_time_s])),
         np.concatenate(([0.0], leg.speed_mps[inside], [0.0])),
     )
@@ -52,7 +52,7 @@ def grid_over(length_m: float) -> Floats:
 
 
 def speeds_on(trace: SpeedTrace, grid_m: Floats) -> Floats:
-    """Speed [m/s] at each place of the grid; where a train stood, the last speed said there."""
+    """Speed [m/s] at each place of the grid; where a train stood, the last speed said there; 0 beyond its stops."""
     keep = np.concatenate((np.diff(trace.way_m) > 0.0, [True]))
     return np.asarray(np.interp(grid_m, trace.way_m[keep], trace.speed_mps[keep]))
 
