@@ -201,7 +201,7 @@ async def test_the_position_holds_its_bounds_while_things_go_wrong(tmp_path: Pat
             assert len(blind) > 10 * (LOST_S - 2.0)
             reasons = [one.reason for one in blind]
             assert all(not one or any(said in one for said in STALLED) for one in reasons), set(reasons)
-            # Held up just before the slip, odometry stays doubtful for as long as the slip lasts; otherwise all is well.
+            # Held up just before the slip, odometry stays doubtful while the slip lasts; otherwise all is well.
             stalled = any(said in one for one in reasons for said in STALLED)
             assert stalled or set(reasons) == {""}
 
