@@ -4,16 +4,20 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help demo test lint types lock bench clean
+.PHONY: help demo demo-radio test lint types lock bench clean
 
 help:
 	@echo "make demo    watch a simulated train run a whole line (Ctrl-C ends it)"
+	@echo "make demo-radio    faults of its radios are found, told, bridged over an outage and remembered"
 	@echo "make test    run the tests"
 	@echo "make lint    check style            make types   check types"
 	@echo "make bench   measure against peers  make lock    pin the dependencies anew (needs uv)"
 
 demo: $(READY)
 	$(BIN)/kirotei demo
+
+demo-radio: $(READY)
+	$(BIN)/kirotei demo --scene radio
 
 test: $(READY)
 	$(BIN)/python -m pytest
