@@ -1,6 +1,6 @@
 """Computed traction energy against measured battery energy, on drives of an electric car.
 
-    python -m benchmarks.measured_energy /work/shared/data/runs/ev_energy/drives.parquet [--json]
+    python -m benchmarks.measured_energy drives.parquet [--json]
 
 Speeds (from the wheels, not satellites) go through a moving average of 3 s and the energy model of the trains. One
 calibration factor is fitted to every other drive and tried on the rest, both ways round. Measured is what the battery
