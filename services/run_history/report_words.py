@@ -114,6 +114,10 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
         "Optimum in the same {time:.0f} s: {kwh:.2f} kWh, {share:+.1f} % against the energy-saving run",
         "同一時分({time:.0f}秒)の最適走行:{kwh:.2f} kWh(代表省エネパターン比{share:+.1f}%)",
     ),
+    "observed": (
+        "No limits are known here: the optimum keeps to the highest observed speeds",
+        "制限速度が不明のため,最適走行は実績の最高速度を上限としています",
+    ),
     "no_optimum": ("No optimum: {why}", "最適走行なし:{why}"),
     "top_lower": (
         "Accelerate {by:.0f} km/h less: the energy-saving run reached {best:.0f} km/h",
@@ -157,7 +161,8 @@ def _optimum_lines(section: SectionReport, driving: Driving, language: Language)
     best_kwh = section.margin.best.energy_kwh
     kwh = driving.optimum.traction_kwh
     share = 100.0 * (kwh / best_kwh - 1.0)
-    return [said("optimum_is", language, time=driving.optimum.running_time_s, kwh=kwh, share=share)]
+    told = said("optimum_is", language, time=driving.optimum.running_time_s, kwh=kwh, share=share)
+    return [told, said("observed", language)] if driving.limits_observed else [told]
 
 
 def _place_lines(driving: Driving, language: Language) -> list[str]:

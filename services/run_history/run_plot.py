@@ -113,7 +113,8 @@ def _over_the_way(driving: Driving | None, language: Language) -> tuple[Figure, 
         top.set_xticks([place / 1000.0 for _, place in way.stations], [name for name, _ in way.stations], fontsize=8)
         for _, place in way.stations:
             axes.axvline(place / 1000.0, color="#777777", linewidth=0.6, linestyle=(0, (2, 3)))
-        axes.set_xlim(-0.02 * float(km[-1]), 1.02 * float(km[-1]))
+        edges = [edge / 1000.0 for trace in driving.traces for edge in (float(trace.way_m[0]), float(trace.way_m[-1]))]
+        axes.set_xlim(min(0.0, *edges) - 0.01 * float(km[-1]), max(float(km[-1]), *edges) + 0.01 * float(km[-1]))
     axes.grid(visible=True, color="#e4e4e4", linewidth=0.5)
     return figure, axes
 

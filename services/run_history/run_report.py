@@ -19,7 +19,7 @@ from services.run_history.driving_difference import (
     hills_of,
     reaccelerations,
 )
-from services.run_history.optimum import Optimum, OptimumError, optimum, section_between
+from services.run_history.optimum import Optimum, OptimumError, Section, optimum, section_between
 from services.run_history.patterns import Pattern, patterns_of
 from services.run_history.pseudonym import pseudonym
 from services.run_history.reception_survey import Reception
@@ -34,6 +34,8 @@ from services.run_history.vehicle import Vehicle
 Floats = NDArray[np.float64]
 SAME_LEG_S: Final = 5.0
 """Departures of one leg, once from the table and once from the log, differ by rounding alone; by less than a leg."""
+OBSERVED_CELLS: Final = 10
+BESIDE_M: Final = 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +67,8 @@ class Driving:
     """In the running time of the representative run."""
     no_optimum: str
     """Why there is none."""
+    limits_observed: bool
+    """No limit is known here: the optimum keeps to the highest speed that any run had about each place."""
     departures: tuple[Departure, ...]
 
 
@@ -198,9 +202,12 @@ def _driving(
         same = [k for k, one in enumerate(traces) if same_leg(one, margin.best)]
         best = same[0] if same else None
     found, why = None, ""
+    observed = not np.isfinite(way.limit_mps).any()
     if margin is not None:
         try:
             section = section_between(evidence.way, evidence.vehicle, start.axis_m, end.axis_m)
+            if observed:
+                section = replace(section, limit_mps=_observed_limit(section, speeds, way.grid_m))
             found = optimum(section, evidence.vehicle, margin.best.running_time_s)
         except OptimumError as error:
             why = str(error)
@@ -214,8 +221,22 @@ def _driving(
         best,
         found,
         why,
+        observed,
         tuple(departures(pairs, float(way.grid_m[-1]))),
     )
+
+
+def _observed_limit(section: Section, speeds_mps: Floats, grid_m: Floats) -> Floats:
+    """Limit of a section: the highest observed speed within 100 m.
+
+    Beside stations speeds are low because trains stop there: the first and last 300 m take the highest of all.
+    """
+    highest = speeds_mps.max(axis=0)
+    padded = np.pad(highest, OBSERVED_CELLS, mode="edge")
+    widest = np.lib.stride_tricks.sliding_window_view(padded, 2 * OBSERVED_CELLS + 1).max(axis=1)
+    widest[(grid_m < BESIDE_M) | (grid_m > grid_m[-1] - BESIDE_M)] = highest.max()
+    along = np.abs(section.axis_m - section.axis_m[0])
+    return np.asarray(np.minimum(section.limit_mps, np.interp(along, grid_m, widest)))
 
 
 def same_leg(trace: SpeedTrace, row: RunRow) -> bool:
