@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from services.radio_anomaly.passes import sorted_passes
 from services.radio_anomaly.reading import Reading
@@ -64,14 +65,9 @@ def scenario_passes(scenario: RadioScenario) -> list[Pass]:
     world = world_of(scenario, line)
     found = []
     for one in radio_passes(scenario, world, chainage):
-        columns = {
-            "power_dbm": one.measured["channel_power_dbm"],
-            **{name: one.measured[name] for name in ("decoded_power_dbm", "received_ratio", "corrected_bits")},
-        }
         readings = []
         for k in range(len(one.t_ns)):
             link = world.links[int(one.link[k])]
-            values = {name: float(column[k]) for name, column in columns.items() if np.isfinite(column[k])}
             readings.append(
                 Reading(
                     t_ns=int(one.t_ns[k]),
@@ -80,11 +76,18 @@ def scenario_passes(scenario: RadioScenario) -> list[Pass]:
                     channel=link.channel,
                     direction=one.direction,
                     chainage_m=float(one.chainage_m[k]),
-                    **values,
+                    power_dbm=_known(one.measured["channel_power_dbm"], k),
+                    decoded_power_dbm=_known(one.measured["decoded_power_dbm"], k),
+                    received_ratio=_known(one.measured["received_ratio"], k),
+                    corrected_bits=_known(one.measured["corrected_bits"], k),
                 )
             )
         found.append(readings)
     return found
+
+
+def _known(column: NDArray[np.float64], k: int) -> float | None:
+    return float(column[k]) if np.isfinite(column[k]) else None
 
 
 def redated(passes: Sequence[Pass], number: int, begin_ns: int) -> Pass:
