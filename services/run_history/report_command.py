@@ -60,10 +60,11 @@ def report(
     with told("runs report"):
         _refuse(out, runs, log, line, vehicle, reference, timetable)
         selection = Selection(from_hour, until_hour, _known_zone(zone))
+        salt = None if names else salt_beside(out)
         evidence: Evidence | None = None
         notes: list[str] = []
         if log is not None and line is not None and vehicle is not None:
-            evidence, notes = _evidence(log, line, vehicle, reference)
+            evidence, notes = _evidence(log, line, vehicle, reference, salt)
         if runs is not None:
             rows: Sequence[RunRow] = read_rows(runs)
         else:
@@ -71,7 +72,6 @@ def report(
         if not rows:
             msg = "no leg from station to station in it: nothing to report"
             raise UsageError(msg)
-        salt = None if names else salt_beside(out)
         found = report_of(rows, selection, evidence, salt, within, notes)
         if found.counted == 0:
             found_notes = (*found.notes, "no run counts: widen the hours (--from-hour, --until-hour, --zone)")
@@ -143,11 +143,14 @@ def _vehicle(path: Path) -> Vehicle:
     return demo_vehicle() if str(path) == DEMO else read_vehicle(path)
 
 
-def _evidence(log: Path, line: Path, vehicle: Path, reference: Path | None) -> tuple[Evidence, list[str]]:
-    """Legs, reference and reception of logs, and notes on them."""
+def _evidence(
+    log: Path, line: Path, vehicle: Path, reference: Path | None, salt: bytes | None
+) -> tuple[Evidence, list[str]]:
+    """Legs, reference and reception of logs, and notes on them, which name runs as the report does."""
     from services.line.alignment import alignment_of, routes
     from services.line.line_file import load_line
     from services.line.route_projection import project_run
+    from services.run_history.pseudonym import pseudonym
     from services.run_history.reception_survey import survey
     from services.run_history.run_analysis import PLACE_SIGMA_M, analyse_run
     from services.run_history.run_report import Evidence
@@ -163,7 +166,8 @@ def _evidence(log: Path, line: Path, vehicle: Path, reference: Path | None) -> t
         result = analyse_run(run, ways, whole.stations, train)
         legs += result.legs
         if result.note:
-            notes.append(f"{result.run_id}: {result.note}")
+            named = result.run_id if salt is None else pseudonym(result.run_id, salt)
+            notes.append(f"{named}: {result.note}")
         if len(run.t_unix_s) > 1:
             t = run.t_unix_s - run.t_unix_s[0]
             placed = project_run(ways, t, run.lat_deg, run.lon_deg, PLACE_SIGMA_M)

@@ -50,6 +50,7 @@ def warm_up(
             settings = Config(method=method, compare=(), line_file=str(folder / "track_centreline.csv"))
             solve_file(folder / "rover.obs", [folder / "nav.rnx"], settings, folder / "fixes.csv")
     _warm_up_motion()
+    _warm_up_runs()
     typer.echo("Done: services start without compiling.")
 
 
@@ -79,3 +80,13 @@ def _warm_up_motion() -> None:
     for method in get_args(OdometryMethod):
         run_log(log, Config(method=method))
     warm_up_landmarks(line_landmarks(load_line(Path("demo")).line, None).routes)
+
+
+def _warm_up_runs() -> None:
+    """Compile what the analysis of runs needs."""
+    import numpy as np
+
+    from services.run_history.track_smoothing import smoothed
+
+    seconds = np.arange(30.0)
+    smoothed(seconds, 10.0 * seconds, np.full(30, 10.0))
