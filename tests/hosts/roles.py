@@ -26,6 +26,11 @@ from services.runtime.zenoh_node import ZenohNode
 TRAIN, CLOUD = Place("demo", "train", "T1"), Place("demo", "cloud", "C1")
 
 
+PATIENCE_S = 45.0
+SUBSCRIBED_S = 2.0
+"""After its token stands a bridge has opened its spool and subscribed within this."""
+
+
 class NoConfig(msgspec.Struct, frozen=True):
     """Nothing to set."""
 
@@ -47,6 +52,12 @@ async def speak(router: str, events_hz: float, bulk_hz: float) -> None:
     """Events and bulk, each numbered and stamped when it is said; in the end how many."""
     service = Service("speaker", NoConfig, (), (SERVICE_EVENT, WEATHER), _idle, "speaks")
     node = await ZenohNode.open(service, TRAIN, "speaker", LiveClock(), BusConfig(connect=(router,)))
+    # What is said before the bridge has subscribed may be missed: that is no matter of the link.
+    bridge = f"{TRAIN}/lte_bridge"
+    until_s = time.monotonic() + PATIENCE_S
+    while bridge not in await node.services_alive(TRAIN.line) and time.monotonic() < until_s:  # noqa: ASYNC110 - it asks
+        await asyncio.sleep(0.2)
+    await asyncio.sleep(SUBSCRIBED_S)
     counts = {"events": 0, "bulk": 0}
 
     async def events() -> None:
