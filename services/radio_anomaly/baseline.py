@@ -14,7 +14,7 @@ mean is comes out with it. σ² is pooled over neighbouring sections and shrunk 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from datetime import date
 from typing import Final
 
@@ -207,11 +207,3 @@ class Baseline:
 def one(value: float, n: float = 1.0) -> Sums:
     """Sums of a single pass value."""
     return Sums(n, n * value, n * value * value)
-
-
-def total_of(sums: Iterable[Sums]) -> Sums:
-    """Merged sums."""
-    found = Sums()
-    for each in sums:
-        found.add(each.n, each.total, each.squares)
-    return found
