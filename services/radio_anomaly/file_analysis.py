@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from schemas.radio import BinSums, RadioEvent, Weather
+from schemas.radio import BinSums, RadioAcceptance, RadioEvent, Weather
 from services.radio_anomaly import paper
 from services.radio_anomaly.baseline import Sums
 from services.radio_anomaly.held_out import held_out
@@ -44,9 +44,17 @@ def learn(
     origin = origin_of(passes, source, refused + left)
     if method == "paper":
         return _paper_model(passes, settings, origin)
-    journeys = [binned(one, settings) for one in passes]
+    return learn_journeys([binned(one, settings) for one in passes], settings, origin)
+
+
+def learn_journeys(
+    journeys: Sequence[Journey], settings: Settings, origin: Origin, acceptances: Iterable[RadioAcceptance] = ()
+) -> RadioModel:
+    """A model of the line method from passes in order of time, with what people accepted as new normals."""
     evidence = held_out(journeys, settings)
     monitor = Monitor(settings, evidence.correlation)
+    for word in acceptances:
+        monitor.accept(word)
     for journey in journeys:
         monitor.learn(journey)
     for journey in journeys:
@@ -81,21 +89,35 @@ def analyse(readings: Iterable[Reading], model: RadioModel, weather: Iterable[We
             learning=Counter(),
             journeys=[binned(one, model.settings) for one in passes],
         )
+    return analyse_journeys([binned(one, model.settings) for one in passes], model, weather, left_out=left)
+
+
+def analyse_journeys(
+    journeys: list[Journey],
+    model: RadioModel,
+    weather: Iterable[Weather] = (),
+    acceptances: Iterable[RadioAcceptance] = (),
+    *,
+    left_out: Counter[str],
+) -> Analysis:
+    """The same of passes that are binned already; words of acceptance, in order of time, count from when they came."""
     monitor = monitor_of(model)
     raiser = Raiser(monitor, evidence_of(model))
     events: list[RadioEvent] = []
     learning: Counter[str] = Counter()
-    journeys = [binned(one, model.settings) for one in passes]
     diary = WeatherDiary(weather)
+    words = deque(acceptances)
     for journey in journeys:
+        while words and words[0].t_ns <= journey.first_ns:
+            monitor.accept(words.popleft())
         told, judgement = raiser.take(journey, diary.sky(journey.last_ns))
         events += told
         learning.update(f"{radio} {channel}" for radio, channel in judgement.learning)
     return Analysis(
         events=events,
         model=model_of(monitor, model.origin, model.evidence),
-        passes=len(passes),
-        left_out=left,
+        passes=len(journeys),
+        left_out=left_out,
         learning=learning,
         journeys=journeys,
     )

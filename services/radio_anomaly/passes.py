@@ -97,12 +97,18 @@ def sorted_passes(readings: Iterable[Reading], settings: Settings) -> tuple[list
     """Readings by pass in order of their first times, and what was left out: a clock or a place that jumps, repeats."""
     groups: defaultdict[tuple[str, str], list[Reading]] = defaultdict(list)
     for one in readings:
-        name = one.pass_id or (period_of(one.t_ns, settings.period_s) if one.direction is None else day_of(one.t_ns))
-        groups[(name, one.direction or "")].append(one)
+        groups[pass_of(one, settings)].append(one)
     left: Counter[str] = Counter()
     passes = [kept for group in groups.values() if (kept := _clean(group, left))]
     passes.sort(key=lambda group: (group[0].t_ns, group[0].pass_id, group[0].direction or ""))
     return passes, left
+
+
+def pass_of(reading: Reading, settings: Settings) -> tuple[str, str]:
+    """Name and direction of the pass that a reading belongs to: a day's or a period's where it names none."""
+    site = reading.direction is None
+    name = reading.pass_id or (period_of(reading.t_ns, settings.period_s) if site else day_of(reading.t_ns))
+    return name, reading.direction or ""
 
 
 def period_of(t_ns: int, period_s: float) -> str:
@@ -156,11 +162,10 @@ def binned(readings: Sequence[Reading], settings: Settings, pass_id: str = "") -
         if totals[key[:4]] >= settings.least_samples
     )
     first = readings[0]
-    name = pass_id or first.pass_id
-    name = name or (period_of(first.t_ns, settings.period_s) if first.direction is None else day_of(first.t_ns))
+    name, direction = pass_of(first, settings)
     return Journey(
-        pass_id=name,
-        direction=first.direction or "",
+        pass_id=pass_id or name,
+        direction=direction,
         first_ns=first.t_ns,
         last_ns=readings[-1].t_ns,
         bins=bins,
