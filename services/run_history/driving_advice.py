@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from services.run_history.optimum import CONTROLS, Optimum
+from services.run_history.optimum import Optimum
+from services.run_history.optimum_values import CONTROLS
 
 SHORT_M = 60.0
 """Stretches shorter than this are told with their neighbours."""

@@ -2,9 +2,9 @@
 
 Dynamic programming (Bellman 1957) over the way: at each place and speed the cheapest of the controls that can be
 optimal (full traction, holding the speed, coasting, braking, following the limit), where cost is energy plus a
-price on time; the price is found by bisection so that the running time is the one wanted. Values are
-interpolated between speeds, and the profile is then driven forward with the exact motion of each step, so
-that what is returned is a run that keeps every limit, with its own time and energy.
+price on time; prices are tried until the running time wanted lies between two runs that cost nearly the same, and
+these are blended. Values are interpolated between speeds, and the profile is driven with the exact motion of each
+step, so that what is returned is a run that keeps every limit, with its own time and energy.
 """
 
 from __future__ import annotations
@@ -17,22 +17,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.line.alignment import Alignment
-from services.numerics.kernel import inner_kernel, kernel
+from services.run_history.optimum_values import BRAKE, COAST, FULL, HOLD, SPEED_STEP_MPS, cheapest_way
 from services.run_history.traction_energy import JOULE_PER_KWH
 from services.run_history.vehicle import Vehicle
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 STEP_M: Final = 10.0
-SPEED_STEP_MPS: Final = 0.1
 FEWEST_STEPS: Final = 20
-FULL, HOLD, COAST, BRAKE, LIMIT = 0, 1, 2, 3, 4
-CONTROLS: Final = ("accelerate", "hold", "coast", "brake", "follow the limit")
-ROUNDING: Final = 1e-6
 MOST_PRICE_W: Final = 1e8
 TURNS: Final = 40
+LEAST_PRICE_W: Final = 1.0
+CHORD_SHARE: Final = 1e-4
+"""Two optima are near enough to be blended where that costs less than this share of the energy."""
+SHARE_STEP: Final = 1e-6
+PULL_SHARE: Final = 0.005
+"""Above its traction a blend may ask of a train: the speed within a step is not told more closely."""
+SLIGHT_MPS2: Final = 0.02
+"""Less than this is neither driving nor braking."""
 WITHIN_S: Final = 0.2
-"""A running time this near to the wanted one will do."""
+"""A fastest run this near to the wanted time will do."""
 
 
 class OptimumError(ValueError):
@@ -86,25 +90,82 @@ def section_between(way: Alignment, vehicle: Vehicle, start_m: float, end_m: flo
 
 
 def optimum(section: Section, vehicle: Vehicle, running_time_s: float) -> Optimum:
-    """Cheapest profile of a running time. Raises OptimumError when no profile is so fast."""
-    fastest = _solve(section, vehicle, MOST_PRICE_W)
-    if fastest.running_time_s > running_time_s + WITHIN_S:
-        msg = f"no faster than {fastest.running_time_s:.1f} s within limits, traction and brakes"
+    """Cheapest profile of a running time, never slower. Raises OptimumError when no profile is so fast.
+
+    Two profiles, one faster and one slower, are found by the price of time and then blended.
+    """
+    fast = _solve(section, vehicle, MOST_PRICE_W)
+    if fast.running_time_s > running_time_s + WITHIN_S:
+        msg = f"no faster than {fast.running_time_s:.1f} s within limits, traction and brakes"
         raise OptimumError(msg)
-    low, high = 0.0, np.log(MOST_PRICE_W)
-    best = fastest
-    for _ in range(TURNS):
-        middle = 0.5 * (low + high)
-        found = _solve(section, vehicle, float(np.exp(middle)))
-        if found.running_time_s <= running_time_s + WITHIN_S:
-            high = middle
-            if found.traction_kwh <= best.traction_kwh:
-                best = found
-            if running_time_s - found.running_time_s <= WITHIN_S:
-                break
+    if fast.running_time_s >= running_time_s:
+        return fast
+    slow: Optimum | None = None
+    # The first price is the power of the fastest run, and then less: what a second costs is of this order.
+    price, smaller = max(fast.traction_kwh * JOULE_PER_KWH / fast.running_time_s, LEAST_PRICE_W), 3.0
+    for turn in range(TURNS):
+        found = _solve(section, vehicle, price)
+        if found.running_time_s > running_time_s:
+            slow = found
         else:
-            low = middle
-    return best
+            fast = found
+        if slow is None:
+            if price <= LEAST_PRICE_W:
+                return fast
+            price, smaller = max(price / smaller, LEAST_PRICE_W), smaller * smaller
+        elif _chord_j(slow, fast) < CHORD_SHARE * fast.traction_kwh * JOULE_PER_KWH:
+            break
+        else:
+            price = _between(slow, fast, running_time_s, halves=turn % 3 == 2)  # noqa: PLR2004 - every third turn
+    return fast if slow is None else _blended(section, vehicle, slow, fast, running_time_s)
+
+
+def _between(slow: Optimum, fast: Optimum, wanted_s: float, *, halves: bool) -> float:
+    """The next price, from those of two runs: by a line between their times, or half way (both in logarithms)."""
+    share = (slow.running_time_s - wanted_s) / (slow.running_time_s - fast.running_time_s)
+    share = 0.5 if halves else min(max(share, 0.1), 0.9)
+    return float(slow.price_w * (fast.price_w / slow.price_w) ** share)
+
+
+def _chord_j(slow: Optimum, fast: Optimum) -> float:
+    """How far a blend of two optima can lie above the curve of optima, which is convex with the prices as slopes."""
+    return 0.25 * (slow.running_time_s - fast.running_time_s) * (fast.price_w - slow.price_w)
+
+
+def _blended(section: Section, vehicle: Vehicle, slow: Optimum, fast: Optimum, wanted_s: float) -> Optimum:
+    """A run of the wanted time between two runs, the faster one where such a run would ask too much of the train.
+
+    Blended are squares of speed: accelerations blend with them, so limits and brakes are kept, and as time and energy
+    are convex in them the blend costs no more than its share of both.
+    """
+    step_m = abs(float(section.axis_m[1] - section.axis_m[0]))
+    low, high = 0.0, 1.0
+    while high - low > SHARE_STEP:
+        share = 0.5 * (low + high)
+        speed = np.sqrt((1.0 - share) * slow.speed_mps**2 + share * fast.speed_mps**2)
+        if float(np.sum(2.0 * step_m / (speed[1:] + speed[:-1]))) > wanted_s:
+            low = share
+        else:
+            high = share
+    speed = np.sqrt((1.0 - high) * slow.speed_mps**2 + high * fast.speed_mps**2)
+    acceleration = np.diff(speed**2) / (2.0 * step_m)
+    mean = 0.5 * (speed[1:] + speed[:-1])
+    traction = vehicle.inertial_mass_kg * acceleration + vehicle.resistance_n(mean) + section.force_n[:-1]
+    pull = np.minimum(vehicle.max_tractive_kn * 1e3, vehicle.max_power_kw * 1e3 / np.maximum(speed[:-1], 1.0))
+    joules = float(np.maximum(traction, 0.0).sum()) * step_m * vehicle.calibration / vehicle.line_to_wheel
+    if (traction > pull * (1.0 + PULL_SHARE)).any() or joules > fast.traction_kwh * JOULE_PER_KWH:
+        return fast
+    time = np.concatenate(([0.0], np.cumsum(step_m / mean)))
+    price = slow.price_w + high * (fast.price_w - slow.price_w)
+    control = _controls(slow, fast, acceleration, traction / vehicle.inertial_mass_kg)
+    return Optimum(section.axis_m, speed, time, control, float(time[-1]), joules / JOULE_PER_KWH, price)
+
+
+def _controls(slow: Optimum, fast: Optimum, acceleration_mps2: Floats, traction_mps2: Floats) -> Ints:
+    """Controls of a blend: those of both runs where they agree, by what the blend does where they do not."""
+    driven = np.where(acceleration_mps2 > SLIGHT_MPS2, FULL, HOLD)
+    named = np.where(traction_mps2 < -SLIGHT_MPS2, BRAKE, np.where(traction_mps2 < SLIGHT_MPS2, COAST, driven))
+    return np.where(slow.control == fast.control, fast.control, np.append(named, BRAKE))
 
 
 def fastest_run(section: Section, vehicle: Vehicle) -> Optimum:
@@ -148,128 +209,8 @@ def _solve(section: Section, vehicle: Vehicle, price_w: float) -> Optimum:
     values = np.empty((n, levels))
     speed, time = np.zeros(n), np.zeros(n)
     control = np.zeros(n, np.int64)
-    energy = _value(section.force_n, limit, figures, step_m, price_w, values, speed, time, control)
+    energy = cheapest_way(section.force_n, limit, figures, step_m, price_w, values, speed, time, control)
     if not np.isfinite(energy):
         msg = "the train cannot get through: a gradient too steep for its traction, or a limit of zero"
         raise OptimumError(msg)
     return Optimum(section.axis_m, speed, time, control, float(time[-1]), energy / JOULE_PER_KWH, price_w)
-
-
-@kernel
-def _value(
-    force_n: Floats,
-    limit: Floats,
-    figures: Floats,
-    step_m: float,
-    price_w: float,
-    values: Floats,
-    speed: Floats,
-    time: Floats,
-    control: Ints,
-) -> float:
-    """Fill the values backwards, drive forwards; gives the energy [J], inf when there is no way."""
-    n, levels = values.shape
-    for i in range(levels):
-        values[n - 1, i] = 0.0 if i == 0 else np.inf
-    for k in range(n - 2, -1, -1):
-        for i in range(levels):
-            v = i * SPEED_STEP_MPS
-            if v > limit[k] + SPEED_STEP_MPS:
-                values[k, i] = np.inf
-                continue
-            v = min(v, limit[k])
-            best = np.inf
-            for which in range(5):
-                ahead, seconds, joules = _step(which, v, force_n[k], limit[k + 1], figures, step_m)
-                if seconds > 0.0:
-                    best = min(best, joules + price_w * seconds + _at(values[k + 1], ahead))
-            values[k, i] = best
-    return _drive(force_n, limit, figures, step_m, price_w, values, speed, time, control)
-
-
-@inner_kernel
-def _drive(
-    force_n: Floats,
-    limit: Floats,
-    figures: Floats,
-    step_m: float,
-    price_w: float,
-    values: Floats,
-    speed: Floats,
-    time: Floats,
-    control: Ints,
-) -> float:
-    """Forwards by the values: fills speed, time and control; gives the energy [J], inf when there is no way."""
-    n = values.shape[0]
-    energy = 0.0
-    speed[0] = 0.0
-    time[0] = 0.0
-    for k in range(n - 1):
-        best, chosen, next_v, next_s, next_j = np.inf, -1, 0.0, 0.0, 0.0
-        for which in range(5):
-            ahead, seconds, joules = _step(which, speed[k], force_n[k], limit[k + 1], figures, step_m)
-            if seconds > 0.0:
-                cost = joules + price_w * seconds + _at(values[k + 1], ahead)
-                if cost < best:
-                    best, chosen, next_v, next_s, next_j = cost, which, ahead, seconds, joules
-        if chosen < 0:
-            return np.inf
-        control[k] = chosen
-        speed[k + 1] = next_v
-        time[k + 1] = time[k] + next_s
-        energy += next_j
-    control[n - 1] = BRAKE
-    return energy
-
-
-@inner_kernel
-def _at(values: Floats, v: float) -> float:
-    """Value between two speeds; that of the one below where the other has none."""
-    x = v / SPEED_STEP_MPS
-    i = min(int(x), values.size - 2)
-    share = x - i
-    low, high = float(values[i]), float(values[i + 1])
-    if share < ROUNDING:  # exactly on a level
-        return low
-    if not np.isfinite(high):
-        return low
-    return low + share * (high - low)
-
-
-@inner_kernel
-def _step(
-    which: int, v: float, force_n: float, limit_ahead: float, figures: Floats, step_m: float
-) -> tuple[float, float, float]:
-    """Speed ahead, seconds and joules of one step; seconds of 0 for a control that cannot be."""
-    mass, a0, b0, c0, most_n, most_w, most_mps2, brake, efficiency = figures
-    against = a0 + b0 * v + c0 * v * v + force_n
-    pull = min(most_n, most_w / max(v, 1.0))
-    coasting = -against / mass
-    full = min((pull - against) / mass, most_mps2)
-    to_limit = (limit_ahead * limit_ahead - v * v) / (2.0 * step_m)
-    if which == FULL:
-        acceleration = full
-    elif which == HOLD:
-        acceleration = 0.0
-    elif which == COAST:
-        acceleration = coasting
-    elif which == BRAKE:
-        acceleration = -brake
-    else:
-        acceleration = to_limit
-    # Rounding must not forbid the braking curve that the limit itself is made of.
-    if acceleration > full + ROUNDING or acceleration < -brake - ROUNDING:
-        return 0.0, 0.0, 0.0
-    squared = v * v + 2.0 * acceleration * step_m
-    if squared < -ROUNDING:
-        return 0.0, 0.0, 0.0
-    ahead = np.sqrt(max(squared, 0.0))
-    if ahead > limit_ahead + ROUNDING:
-        return 0.0, 0.0, 0.0
-    if ahead + v <= ROUNDING:  # it would stand
-        return 0.0, 0.0, 0.0
-    seconds = 2.0 * step_m / (v + ahead)
-    mean = step_m / seconds
-    traction = mass * acceleration + a0 + b0 * mean + c0 * mean * mean + force_n
-    joules = max(traction, 0.0) * step_m / efficiency
-    return ahead, seconds, joules

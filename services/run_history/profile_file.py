@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from services.run_history.optimum import CONTROLS, Optimum
+from services.run_history.optimum import Optimum
+from services.run_history.optimum_values import CONTROLS
 
 
 def write_profile(path: Path, profile: Optimum) -> None:
