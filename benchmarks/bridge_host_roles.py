@@ -24,8 +24,6 @@ from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 
 TRAIN, CLOUD = Place("demo", "train", "T1"), Place("demo", "cloud", "C1")
-
-
 PATIENCE_S = 45.0
 SUBSCRIBED_S = 2.0
 """After its token stands a bridge has opened its spool and subscribed within this."""
@@ -40,11 +38,13 @@ async def _idle(node: Node, config: NoConfig) -> None:
 
 
 def say(value: object) -> None:
+    """Print one value, for whoever started this."""
     sys.stdout.write(json.dumps(value) + "\n")
     sys.stdout.flush()
 
 
 async def end_of_input() -> None:
+    """Return when whoever started this wants no more."""
     await asyncio.to_thread(sys.stdin.read)
 
 
@@ -108,11 +108,13 @@ async def listen(router: str) -> None:
 
 
 async def end_of_router(node: ZenohNode) -> None:
-    await asyncio.sleep(0.5)  # lets what was said last reach whoever lives on after this host
+    """Close, once what was said last has reached whoever lives on after this host."""
+    await asyncio.sleep(0.5)
     await node.close()
 
 
 def main() -> None:
+    """Play the role that the arguments name."""
     role, endpoint, *rates = sys.argv[1:]
     inside = "tcp/127.0.0.1:7447"
     with open_router(RouterConfig(listen=(endpoint, inside) if endpoint != inside else (inside,))):
