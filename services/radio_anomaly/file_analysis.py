@@ -99,8 +99,12 @@ def analyse_journeys(
     acceptances: Iterable[RadioAcceptance] = (),
     *,
     left_out: Counter[str],
+    learned_until_ns: int = 0,
 ) -> Analysis:
-    """The same of passes that are binned already; words of acceptance, in order of time, count from when they came."""
+    """The same of passes that are binned already; words of acceptance, in order of time, count from when they came.
+
+    Passes that began before `learned_until_ns` are in the model: they are judged, and not learned once more.
+    """
     monitor = monitor_of(model)
     raiser = Raiser(monitor, evidence_of(model))
     events: list[RadioEvent] = []
@@ -111,6 +115,8 @@ def analyse_journeys(
         while words and words[0].t_ns <= journey.first_ns:
             monitor.accept(words.popleft())
         told, judgement = raiser.take(journey, diary.sky(journey.last_ns))
+        if journey.first_ns < learned_until_ns:
+            monitor.pending.clear()
         events += told
         learning.update(f"{radio} {channel}" for radio, channel in judgement.learning)
     return Analysis(
