@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import replace
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock, WheelScale
 from services.odometry_fusion.axle_choice import AxleChoice
+from services.odometry_fusion.first_rest import FASTEST_MPS, FirstRest, Rest, RestShaking, Shaking
 from services.odometry_fusion.fused_odometry import LARGEST_SCALE, FusedOdometry
 from services.odometry_fusion.methods import begin
 from services.odometry_fusion.motion_log import (
@@ -22,7 +25,7 @@ from services.odometry_fusion.motion_log import (
     Vehicle,
 )
 from services.odometry_fusion.row_messages import episode_of, odometry_of
-from services.odometry_fusion.sample_buffer import SampleBuffer
+from services.odometry_fusion.sample_buffer import UNUSABLE, SampleBuffer
 from services.odometry_fusion.settings import Config
 
 NS: Final = 1e9
@@ -31,6 +34,7 @@ START_WAIT_S: Final = 2.0
 """Odometry begins with the axles heard within this time of the first sample, or when all configured ones are."""
 LONGEST_STEP_S: Final = 30.0
 """Rows are made up for at most this long a silence at once."""
+UNVOUCHED: Final = "the wheel stands since odometry began, and the inertial sensor shows no rest: it may be locked"
 
 
 class _Axle:
@@ -52,6 +56,7 @@ class LiveOdometry:
         self._known = known
         self._origins = 0
         self.counts: Counter[str] = Counter()
+        self._shaking = RestShaking(_shaking_of(known))
         self._begin()
 
     def _begin(self) -> None:
@@ -66,6 +71,9 @@ class LiveOdometry:
         self._choice = AxleChoice()
         self._running: list[_Axle] = []
         self._due_ns = 0
+        self._rest = FirstRest(self._shaking.level)
+        self._unvouched_m = 0.0
+        self._stands = False
 
     @property
     def devices(self) -> tuple[str | None, str | None]:
@@ -77,6 +85,9 @@ class LiveOdometry:
         """What to keep for the next start."""
         found = self._running[self._choice.leader].step if self._running else None
         now = None if found is None else found.remembered()
+        level = self._shaking.level
+        if now is not None and level is not None:
+            now = replace(now, rest_mps2=level.force_mps2, rest_radps=level.rate_radps)
         if now is None or self._known is None or now.wheel_scale is not None:
             return self._known if now is None else now
         # A method without use for the scale keeps it for one that has.
@@ -121,7 +132,32 @@ class LiveOdometry:
                 self._known = replace(self._known, wheel_scale=None, wheel_scale_sigma=0.0)
             self._begin()
             return self.take(block, device)
-        return self._due()
+        return self._due() if self._watch_rest(block, device) else []
+
+    def _watch_rest(self, block: ImuBlock | TachoBlock, device: str) -> bool:
+        """Whether rows may be given: not yet while a few samples more will tell whether the train stands.
+
+        What was learned from a wheel that was locked is worth nothing: all begins anew then.
+        """
+        rest = self._rest
+        if self._config.method == "wheel":
+            return True
+        times_ns = block.offset_ns + block.t_ns
+        match block:
+            case ImuBlock() if not block.fault.startswith(UNUSABLE):
+                imu: SixAxes = np.column_stack(_axes_of(block))
+                whole = np.isfinite(imu).all(axis=1)
+                self._shaking.take_imu(times_ns[whole], imu[whole], stands=self._stands and rest.state is Rest.SURE)
+                rest.take_imu(times_ns[whole], imu[whole])
+            case TachoBlock():
+                metres_per_pulse = math.pi * block.wheel_diameter_m / block.pulses_per_revolution
+                rest.take_way(device, times_ns, block.pulses.astype(np.float64) * metres_per_pulse)
+            case _:
+                pass
+        if rest.state is Rest.OVER:
+            self.counts["begun_anew"] += 1
+            self._begin()
+        return rest.state is not Rest.WAITING
 
     def _axle(self, device: str) -> _Axle | None:
         """The axle of a device; None for one that is not wanted, or comes when all is running."""
@@ -157,7 +193,12 @@ class LiveOdometry:
         """Rows without samples, `silent_s` after the last ones came."""
         lasts = [axle.buffer.last_ns for axle in self._running] + [self._imu.last_ns]
         newest_ns = max((one for one in lasts if one is not None), default=None)
-        if newest_ns is None or not self._running or silent_s < self._config.silence_s:
+        if (
+            newest_ns is None
+            or not self._running
+            or self._rest.state is Rest.WAITING
+            or silent_s < self._config.silence_s
+        ):
             return []
         return self._rows(newest_ns + round((min(silent_s, LONGEST_STEP_S) - self._config.longest_wait_s) * NS))
 
@@ -199,8 +240,43 @@ class LiveOdometry:
     def _messages(self, rows: MotionRows, base_ns: int) -> list[Odometry | SlipEpisode]:
         method, origin = self._config.method, self.origin
         found: list[Odometry | SlipEpisode] = [episode_of(one, base_ns, origin) for one in rows.episodes]
-        found += [odometry_of(rows, at, base_ns, method, origin) for at in range(len(rows))]
+        found += [self._vouched(odometry_of(rows, at, base_ns, method, origin)) for at in range(len(rows))]
+        self._stands = bool(rows.standstill[-1]) if len(rows) else self._stands
         return sorted(found, key=lambda one: one.t_ns)
+
+    def _vouched(self, row: Odometry) -> Odometry:
+        """The row with what a wheel that may have been locked from the beginning adds to its error."""
+        unsure, since_ns = self._rest.state is Rest.UNSURE, self._rest.unsure_since_ns
+        if unsure and since_ns is not None:
+            self._unvouched_m = max(self._unvouched_m, FASTEST_MPS * (row.t_ns - since_ns) / NS)
+        if not self._unvouched_m:
+            return row
+        wider = msgspec.structs.replace(
+            row, excess_m=row.excess_m + self._unvouched_m, bound_m=row.bound_m + self._unvouched_m
+        )
+        if not unsure:
+            return wider
+        return msgspec.structs.replace(
+            wider,
+            speed_bound_mps=FASTEST_MPS,
+            standstill=False,
+            status="lost" if row.status == "lost" else "degraded",
+            reason="; ".join(one for one in (UNVOUCHED, row.reason) if one),
+            curvature_per_m=None,
+            curvature_sigma_per_m=None,
+            curvature_distance_m=None,
+        )
+
+
+def _shaking_of(known: Remembered | None) -> Shaking | None:
+    """What was kept of the sensor at rest."""
+    if known is None or known.rest_mps2 is None or known.rest_radps is None:
+        return None
+    return Shaking(known.rest_mps2, known.rest_radps)
+
+
+def _axes_of(block: ImuBlock) -> tuple[Floats, ...]:
+    return (block.ax_mps2, block.ay_mps2, block.az_mps2, block.gx_radps, block.gy_radps, block.gz_radps)
 
 
 def _s(t_ns: Counts, base_ns: int) -> Floats:

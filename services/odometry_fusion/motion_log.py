@@ -149,6 +149,9 @@ class Remembered:
     """True over nominal wheel diameter."""
     wheel_scale_sigma: float = 0.0
     """Its standard deviation."""
+    rest_mps2: float | None = None
+    rest_radps: float | None = None
+    """How much the inertial sensor's forces and rates are shaken at rest (`first_rest`)."""
 
 
 class OdometryStep(Protocol):

@@ -15,6 +15,7 @@ from services.odometry_fusion.motion_log import Remembered
 
 LARGEST_BYTES: Final = 4096
 Bias = Annotated[float, Meta(ge=-0.2, le=0.2)]
+Shaken = Annotated[float, Meta(ge=0.0, le=100.0)]
 
 
 class StoreError(ValueError):
@@ -29,6 +30,8 @@ class _Kept(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     yaw_bias_radps: Bias = 0.0
     wheel_scale: Annotated[float, Meta(ge=0.5, le=2.0)] | None = None
     wheel_scale_sigma: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.0
+    rest_mps2: Shaken | None = None
+    rest_radps: Shaken | None = None
 
 
 def state_file(folder: Path, line: str, train: str) -> Path:
@@ -49,6 +52,8 @@ def write_state(path: Path, starts: int, known: Remembered | None) -> None:
             yaw_bias_radps=known.yaw_bias_radps,
             wheel_scale=known.wheel_scale,
             wheel_scale_sigma=known.wheel_scale_sigma,
+            rest_mps2=known.rest_mps2,
+            rest_radps=known.rest_radps,
         )
     body = msgspec.json.encode(kept)
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -79,4 +84,5 @@ def read_state(path: Path) -> tuple[int, Remembered | None]:
     if not kept.learned:
         return kept.starts, None
     biases = (kept.roll_bias_radps, kept.pitch_bias_radps, kept.yaw_bias_radps)
-    return kept.starts, Remembered(*biases, kept.wheel_scale, kept.wheel_scale_sigma)
+    rest = (kept.rest_mps2, kept.rest_radps)
+    return kept.starts, Remembered(*biases, kept.wheel_scale, kept.wheel_scale_sigma, *rest)
