@@ -20,6 +20,10 @@ MOST_SUDDEN_M: Final = 45.0
 SUDDEN_S: Final = 12.0
 STANDING_S: Final = 30.0
 OFF_SHARE: Final = 0.2
+APART_MPS: Final = 1.0
+"""Between a measured speed and the smoothed one, which places have a say in …"""
+MOST_APART: Final = 0.3
+"""… in more than this share of the fixes: places and speeds tell of two different runs."""
 HELD_MPS: Final = 15.0 / 3.6
 """Slower between stations, away from both: the train was held."""
 HELD_AWAY_S: Final = 45.0
@@ -48,6 +52,7 @@ def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
     missing_s = longest_missing_s(t_s, leg.measured_mps[under_way])
     astray_m = astray(leg)
     off = 1.0 - float(np.isfinite(leg.place_m).mean())
+    apart = _apart_share(leg.measured_mps[under_way], leg.smoothed_mps[under_way])
     away = (leg.t_s > ends.rising_s + HELD_AWAY_S) & (leg.t_s < ends.falling_s - HELD_AWAY_S)
     reasons = []
     if gap_s > LONGEST_GAP_S:
@@ -58,6 +63,8 @@ def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
         reasons.append(f"speeds and places disagree by {abs(astray_m):.0f} m of way")
     if abs(sudden_m) > MOST_SUDDEN_M:
         reasons.append(f"speeds and places disagree by {abs(sudden_m):.0f} m at the departure")
+    if apart > MOST_APART:
+        reasons.append(f"{apart:.0%} of its speeds contradict its places")
     if off > OFF_SHARE:
         reasons.append(f"{off:.0%} of its fixes off the track")
     if np.any(away & (leg.smoothed_mps < HELD_MPS)):
@@ -70,16 +77,22 @@ def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
         abs(astray_m) / MOST_ASTRAY_M,
         abs(sudden_m) / MOST_SUDDEN_M,
         off / OFF_SHARE,
+        apart / MOST_APART,
     )
     return round(1.0 - 0.5 * min(worst, 1.0), 2), ""
 
 
+def _apart_share(measured_mps: Floats, smoothed_mps: Floats) -> float:
+    known = np.isfinite(measured_mps)
+    return float(np.mean(np.abs(measured_mps - smoothed_mps)[known] > APART_MPS)) if known.any() else 0.0
+
+
 def astray(leg: LegEvidence) -> float:
-    """Way by places less way by speeds, bridged where there were none [m]; 0 where either is missing."""
+    """Way by places less way by speeds, smoothed ones where none was measured [m]; 0 where either is missing."""
     known, placed = np.isfinite(leg.measured_mps), np.flatnonzero(np.isfinite(leg.place_m))
     if known.sum() < 2 or len(placed) < 2:  # noqa: PLR2004 - a way needs two
         return 0.0
-    way = _way_m(leg.t_s, np.interp(leg.t_s, leg.t_s[known], leg.measured_mps[known]))
+    way = _way_m(leg.t_s, np.where(known, leg.measured_mps, leg.smoothed_mps))
     first, last = placed[0], placed[-1]
     return float(leg.place_m[last] - leg.place_m[first] - (way[last] - way[first]))
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from schemas.line import Station
 from services.run_history.leg_ends import HALT, START, V_STOP_MPS, Ends, Onset, crossing_s, onset_of
+from services.run_history.ramp_places import earlier_s
 
 Floats = NDArray[np.float64]
 STATION_REACH_M: Final = 250.0
@@ -22,6 +23,9 @@ STATION_REACH_M: Final = 250.0
 SHORTEST_STOP_S: Final = 4.0
 ASIDE_S: Final = 60.0
 """So far into a stop and into a leg its ends are looked for."""
+START_SIGMA_S: Final = 1.0
+HALT_SIGMA_S: Final = 1.5
+"""How far ramps from speeds alone are off; trains creep to their halt in more ways than they start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,22 +94,30 @@ def assumed_ends(leg: Leg, t_s: Floats, speed_mps: Floats, acceleration_mps2: fl
     return Ends(departure_s, rising_s, falling_s, arrival_s)
 
 
-def start_of(leg: Leg, t_s: Floats, speed_mps: Floats) -> Onset | None:
-    """The start of a leg from measured speeds without sign; its `first` is a number of all fixes."""
+def start_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats) -> Onset | None:
+    """The start of a leg from measured speeds without sign and places that rise; its `first` counts all fixes."""
     begin = max(leg.start.first, int(np.searchsorted(t_s, t_s[leg.start.last] - ASIDE_S)))
     past = min(leg.last + 1, int(np.searchsorted(t_s, t_s[leg.first] + ASIDE_S)))
     onset = onset_of(t_s[begin:past], speed_mps[begin:past], START)
-    return None if onset is None else replace(onset, first=begin + onset.first)
+    if onset is None:
+        return None
+    first, stop = begin + onset.first, (leg.start.first, leg.start.last + 1)
+    early_s = earlier_s(t_s, place_m, speed_mps, first, stop, onset.slope_mps2, START_SIGMA_S)
+    return replace(onset, first=first, still_s=onset.still_s - early_s)
 
 
-def halt_of(leg: Leg, t_s: Floats, speed_mps: Floats) -> Onset | None:
+def halt_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats) -> Onset | None:
     """The arrival of a leg: a start with its time reversed, turned back; slope positive."""
     begin = max(leg.first, int(np.searchsorted(t_s, t_s[leg.last] - ASIDE_S)))
     past = min(leg.end.last + 1, int(np.searchsorted(t_s, t_s[leg.end.first] + ASIDE_S)))
     onset = onset_of(-t_s[begin:past][::-1], speed_mps[begin:past][::-1], HALT)
     if onset is None:
         return None
-    return Onset(-onset.still_s, -onset.stop_speed_s, past - 1 - onset.first, onset.slope_mps2)
+    first, count = past - 1 - onset.first, len(t_s)
+    back = (-t_s[::-1], -place_m[::-1], speed_mps[::-1], count - 1 - first)
+    stop = (count - 1 - leg.end.last, count - leg.end.first)
+    early_s = earlier_s(*back, stop, onset.slope_mps2, HALT_SIGMA_S)
+    return Onset(early_s - onset.still_s, -onset.stop_speed_s, first, onset.slope_mps2)
 
 
 def ends_by_slope(assumed: Ends, start: Onset | None, halt: Onset | None) -> Ends:

@@ -62,9 +62,9 @@ def test_without_three_speeds_there_is_no_slope_and_ramps_are_assumed() -> None:
     way = 1000.0 + 3000.0 * np.clip((t - 60.0) / 280.0, 0.0, 1.0)
     (leg,) = legs_of(stops_of(t, way, speed, LINE.stations))
     known = np.where((t > 60.0) & (t < 140.0), np.nan, speed)
-    assert start_of(leg, t, known) is None
+    assert start_of(leg, t, known, np.full(400, np.nan)) is None
     assumed = assumed_ends(leg, t, speed, 0.48, 0.60)
-    ends = ends_by_slope(assumed, None, halt_of(leg, t, known))
+    ends = ends_by_slope(assumed, None, halt_of(leg, t, known, np.full(400, np.nan)))
     assert ends.departure_s == assumed.departure_s
     assert ends.arrival_s == pytest.approx(340.0 - V_RAMP_MPS / 0.6 * (1.0 - HALT.share) + HALT.fixed_s, abs=1e-6)
 
@@ -74,7 +74,7 @@ def test_an_arrival_is_a_start_backwards() -> None:
     speed = np.minimum(ramp_speed(t, 0.6, 60.0), ramp_speed(400.0 - t, 0.9, 60.0))
     way = 1000.0 + 3000.0 * np.clip((t - 60.0) / 280.0, 0.0, 1.0)
     (leg,) = legs_of(stops_of(t, way, speed, LINE.stations))
-    halt = halt_of(leg, t, speed)
+    halt = halt_of(leg, t, speed, np.full(400, np.nan))
     assert halt is not None
     assert halt.still_s == pytest.approx(340.0 - V_RAMP_MPS / 0.9 * (1.0 - HALT.share) + HALT.fixed_s, abs=1e-6)
     assert speed[halt.first] >= V_RAMP_MPS > speed[halt.first + 1]
