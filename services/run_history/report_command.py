@@ -150,9 +150,10 @@ def _evidence(
     from services.line.alignment import alignment_of, routes
     from services.line.line_file import load_line
     from services.line.route_projection import project_run
+    from services.run_history.log_track import PLACE_SIGMA_M
     from services.run_history.pseudonym import pseudonym
     from services.run_history.reception_survey import survey
-    from services.run_history.run_analysis import PLACE_SIGMA_M, analyse_run
+    from services.run_history.run_analysis import analyse_run
     from services.run_history.run_report import Evidence
     from services.run_history.runs_log_file import read_runs
 
