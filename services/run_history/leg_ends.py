@@ -15,6 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from services.run_history.middle import median_of
+
 Floats = NDArray[np.float64]
 V_STOP_MPS: Final = 8.0 / 3.6
 V_RAMP_MPS: Final = 5.0 / 3.6
@@ -79,15 +81,16 @@ def onset_of(t_s: Floats, speed_mps: Floats, ramp: Ramp) -> Onset | None:
     slow = np.flatnonzero(v[:last] < V_RAMP_MPS)
     first = int(slow[-1]) + 1 if len(slow) else 0
     past = int(np.searchsorted(t, t[first] + ramp.span_s, side="right")) if first < len(t) else first
-    falls = np.flatnonzero(np.diff(v[first:past]) < -HARDEST_MPS2 * np.diff(t[first:past]))
+    t_fit, v_fit = t[first:past], v[first:past]
+    falls = np.flatnonzero(v_fit[1:] - v_fit[:-1] < -HARDEST_MPS2 * (t_fit[1:] - t_fit[:-1]))
     past = first + int(falls[0]) + 1 if len(falls) else past
     if past - first < FEWEST:
         return None
     t, v = t[first:past], v[first:past]
     apart_s, risen = t[None, :] - t[:, None], v[None, :] - v[:, None]
     pairs = apart_s >= 0.9 * min(1.0, float(t[-1] - t[0]))  # closer pairs tell of noise alone
-    slope = float(np.clip(np.median(risen[pairs] / apart_s[pairs]), *SLOPES_MPS2))
-    zero_s = float(np.median(t - v / slope))
+    slope = min(max(median_of(risen[pairs] / apart_s[pairs]), SLOPES_MPS2[0]), SLOPES_MPS2[1])
+    zero_s = median_of(t - v / slope)
     still_s = zero_s + V_RAMP_MPS / slope * (1.0 - ramp.share) - ramp.fixed_s
     return Onset(still_s, zero_s + V_STOP_MPS / slope, int(known[first]), slope)
 

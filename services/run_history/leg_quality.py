@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.run_history.leg_ends import Ends, Onset
+from services.run_history.middle import median_of
 
 Floats = NDArray[np.float64]
 LONGEST_GAP_S: Final = 15.0
@@ -102,15 +103,17 @@ def sudden_move_m(t_s: Floats, place_m: Floats, measured_mps: Floats, start: Ons
 
     Phones hold their places and speeds in the signal's shadow, and then run after the train.
     """
-    standing = place_m[(t_s > t_s[start.first] - STANDING_S) & (t_s < start.still_s)]
-    after = (t_s >= t_s[start.first]) & (t_s <= t_s[start.first] + SUDDEN_S)
+    near = slice(*np.searchsorted(t_s, (t_s[start.first] - STANDING_S, t_s[start.first] + SUDDEN_S + 1.0)))
+    first_s, (t_s, place_m, measured_mps) = t_s[start.first], (t_s[near], place_m[near], measured_mps[near])
+    standing = place_m[(t_s < start.still_s) & np.isfinite(place_m)]
+    after = (t_s >= first_s) & (t_s <= first_s + SUDDEN_S)
     after &= np.isfinite(place_m) & np.isfinite(measured_mps)
-    if not np.isfinite(standing).any() or after.sum() < 3:  # noqa: PLR2004 - a median of three
+    if not len(standing) or after.sum() < 3:  # noqa: PLR2004 - a median of three
         return 0.0
-    ramp_m = measured_mps[start.first] ** 2 / (2.0 * start.slope_mps2)
+    ramp_m = float(measured_mps[after][0]) ** 2 / (2.0 * start.slope_mps2)
     by_speed = ramp_m + _way_m(t_s[after], measured_mps[after])
-    beyond = place_m[after] - np.nanmedian(standing) - by_speed
-    early, late = float(np.median(beyond)), float(np.median(beyond[len(beyond) // 2 :]))
+    beyond = place_m[after] - median_of(standing) - by_speed
+    early, late = median_of(beyond), median_of(beyond[len(beyond) // 2 :])
     return max(early, late, key=abs)
 
 

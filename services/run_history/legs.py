@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.line import Station
-from services.run_history.leg_ends import HALT, START, V_STOP_MPS, Ends, Onset, crossing_s, onset_of
+from services.run_history.leg_ends import HALT, START, V_STOP_MPS, Ends, Onset, Ramp, crossing_s, onset_of
+from services.run_history.middle import median_of
 from services.run_history.ramp_places import earlier_s
 
 Floats = NDArray[np.float64]
@@ -60,7 +61,7 @@ def stops_of(t_s: Floats, way_m: Floats, speed_mps: Floats, stations: Sequence[S
         last = int(past) - 1
         long_enough = t_s[last] - t_s[first] >= SHORTEST_STOP_S or first == 0 or past == len(t_s)
         if long_enough:
-            place = float(np.median(way_m[first:past]))
+            place = median_of(way_m[first:past])
             found.append(Stop(int(first), last, place, _station_at(place, stations)))
     return found
 
@@ -98,26 +99,31 @@ def start_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats) -> Onset
     """The start of a leg from measured speeds without sign and places that rise; its `first` counts all fixes."""
     begin = max(leg.start.first, int(np.searchsorted(t_s, t_s[leg.start.last] - ASIDE_S)))
     past = min(leg.last + 1, int(np.searchsorted(t_s, t_s[leg.first] + ASIDE_S)))
-    onset = onset_of(t_s[begin:past], speed_mps[begin:past], START)
-    if onset is None:
-        return None
-    first, stop = begin + onset.first, (leg.start.first, leg.start.last + 1)
-    early_s = earlier_s(t_s, place_m, speed_mps, first, stop, onset.slope_mps2, START_SIGMA_S)
-    return replace(onset, first=first, still_s=onset.still_s - early_s)
+    near = slice(begin, past)
+    onset = _onset(t_s[near], speed_mps[near], place_m[near], leg.start.last + 1 - begin, START, START_SIGMA_S)
+    return None if onset is None else replace(onset, first=begin + onset.first)
 
 
 def halt_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats) -> Onset | None:
     """The arrival of a leg: a start with its time reversed, turned back; slope positive."""
     begin = max(leg.first, int(np.searchsorted(t_s, t_s[leg.last] - ASIDE_S)))
     past = min(leg.end.last + 1, int(np.searchsorted(t_s, t_s[leg.end.first] + ASIDE_S)))
-    onset = onset_of(-t_s[begin:past][::-1], speed_mps[begin:past][::-1], HALT)
+    back = (-t_s[begin:past][::-1], speed_mps[begin:past][::-1], -place_m[begin:past][::-1])
+    onset = _onset(*back, past - leg.end.first, HALT, HALT_SIGMA_S)
     if onset is None:
         return None
-    first, count = past - 1 - onset.first, len(t_s)
-    back = (-t_s[::-1], -place_m[::-1], speed_mps[::-1], count - 1 - first)
-    stop = (count - 1 - leg.end.last, count - leg.end.first)
-    early_s = earlier_s(*back, stop, onset.slope_mps2, HALT_SIGMA_S)
-    return Onset(early_s - onset.still_s, -onset.stop_speed_s, first, onset.slope_mps2)
+    return Onset(-onset.still_s, -onset.stop_speed_s, past - 1 - onset.first, onset.slope_mps2)
+
+
+def _onset(
+    t_s: Floats, speed_mps: Floats, place_m: Floats, stop_fixes: int, ramp: Ramp, sigma_s: float
+) -> Onset | None:
+    """A start by its speeds, moved by what places say; the arrays begin in the stop, with so many of its fixes."""
+    onset = onset_of(t_s, speed_mps, ramp)
+    if onset is None:
+        return None
+    early_s = earlier_s(t_s, place_m, speed_mps, onset.first, stop_fixes, onset.slope_mps2, sigma_s)
+    return replace(onset, still_s=onset.still_s - early_s)
 
 
 def ends_by_slope(assumed: Ends, start: Onset | None, halt: Onset | None) -> Ends:

@@ -23,7 +23,7 @@ ACROSS_SIGMA_M: Final = 7.0
 """Of a fix across the line."""
 CORRELATION_S: Final = 100.0
 """Errors of places are alike for about so long: so much of a log counts as one fix."""
-MOVING_M: Final = 20.0
+MOVING_M: Final = 50.0
 """From one fix that counts to the next: a train that stands says the same again and again."""
 PASSES: Final = 8
 

@@ -8,7 +8,6 @@ reason counted, and the smoother bridges them by places and by what was measured
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -58,16 +57,19 @@ def credible_speeds(t_s: Floats, speed_mps: Floats, fastest_mps: float) -> Credi
 def _leave_out_frozen(t_s: Floats, speed: Floats) -> int:
     changed = np.concatenate(([True], speed[1:] != speed[:-1], [True]))
     edges = np.flatnonzero(changed)
-    count = 0
-    for first, past in pairwise(edges):
-        if speed[first] > ZERO_MPS and past - first > 2 and t_s[past - 1] - t_s[first] >= FROZEN_S:  # noqa: PLR2004 - a repetition is no run
-            speed[first + 1 : past] = np.nan
-            count += int(past - first - 1)
-    return count
+    first, past = edges[:-1], edges[1:]
+    # Two that are alike are a repetition and no run of them.
+    frozen = (past - first > 2) & (speed[first] > ZERO_MPS) & (t_s[past - 1] - t_s[first] >= FROZEN_S)  # noqa: PLR2004
+    for k in np.flatnonzero(frozen):
+        speed[first[k] + 1 : past[k]] = np.nan
+    return int(np.sum((past - first - 1)[frozen]))
 
 
 def _leave_out_drops(t_s: Floats, speed: Floats) -> int:
     """What follows a fall to zero that no brake can do, until most of the speed is back."""
+    known = np.flatnonzero(np.isfinite(speed))
+    if not np.any((speed[known[1:]] <= ZERO_MPS) & (speed[known[:-1]] > DROP_MPS)):
+        return 0
     dropped = []
     last_s = last_mps = lost = 0.0
     begun = False
@@ -89,17 +91,17 @@ def _leave_out_drops(t_s: Floats, speed: Floats) -> int:
 def _leave_out_held(t_s: Floats, speed: Floats) -> int:
     """Zeros that were held after a departure, found by the jump that ends them."""
     known = np.flatnonzero(np.isfinite(speed))
+    before, after = known[:-1], known[1:]
+    least = np.maximum(JUMP_MPS, STRONGEST_MPS2 * (t_s[after] - t_s[before]))
     count = 0
-    for before, after in pairwise(known):
-        jump = speed[after]
-        if speed[before] > ZERO_MPS or jump < JUMP_MPS or jump < STRONGEST_MPS2 * (t_s[after] - t_s[before]):
-            continue
-        window = (t_s >= t_s[after]) & (t_s <= t_s[after] + SLOPE_S) & np.isfinite(speed)
+    for jumped in after[(speed[before] <= ZERO_MPS) & (speed[after] >= least)]:
+        jump = speed[jumped]
+        window = (t_s >= t_s[jumped]) & (t_s <= t_s[jumped] + SLOPE_S) & np.isfinite(speed)
         if window.sum() < 3:  # noqa: PLR2004 - a slope needs three
             continue
-        slope = float(np.polyfit(t_s[window] - t_s[after], speed[window], 1)[0])
-        began_s = t_s[after] - min(jump / float(np.clip(slope, 0.15, STRONGEST_MPS2)), MOST_HELD_S)
-        held = (t_s > began_s) & (t_s < t_s[after]) & (speed <= ZERO_MPS)
+        slope = float(np.polyfit(t_s[window] - t_s[jumped], speed[window], 1)[0])
+        began_s = t_s[jumped] - min(jump / float(np.clip(slope, 0.15, STRONGEST_MPS2)), MOST_HELD_S)
+        held = (t_s > began_s) & (t_s < t_s[jumped]) & (speed <= ZERO_MPS)
         speed[held] = np.nan
         count += int(held.sum())
     return count

@@ -83,17 +83,17 @@ def start(early_s: float) -> tuple[Floats, Floats, Floats, int]:
 @given(early_s=st.floats(-1.0, 1.0))
 def test_places_move_a_start_their_way_and_never_beyond_what_they_say(early_s: float) -> None:
     t, moved, speed, first = start(early_s)
-    found = earlier_s(t, moved, speed, first, (0, 31), 0.8, 1.0)
+    found = earlier_s(t, moved, speed, first, 31, 0.8, 1.0)
     assert found * early_s >= -1e-9
     assert abs(found) <= abs(early_s) + 1e-9
 
 
 def test_places_that_say_nothing_or_nonsense_leave_a_start_alone() -> None:
     t, moved, speed, first = start(0.0)
-    assert earlier_s(t, np.full(len(t), np.nan), speed, first, (0, 31), 0.8, 1.0) == 0.0
-    assert earlier_s(t, moved, speed, first, (29, 31), 0.8, 1.0) == 0.0
+    assert earlier_s(t, np.full(len(t), np.nan), speed, first, 31, 0.8, 1.0) == 0.0
+    assert earlier_s(t, moved, speed, first, 5, 0.8, 1.0) == 0.0
     jumped = moved + np.where(t > 31.0, 100.0 * PLACE_SIGMA_M, 0.0)
-    assert abs(earlier_s(t, jumped, speed, first, (0, 31), 0.8, 1.0)) < 0.1
+    assert abs(earlier_s(t, jumped, speed, first, 31, 0.8, 1.0)) < 0.1
 
 
 def test_speeds_that_contradict_the_places_leave_a_leg_out() -> None:
