@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import msgspec
 from msgspec import Meta
 
 from schemas.message import Message, Part
@@ -79,8 +80,9 @@ class BridgeStatus(Message, frozen=True, kw_only=True):
 class StoreQuestion(Message, frozen=True, kw_only=True):
     """A question to a cloud's store."""
 
-    about: Literal["radio", "radio_events", "radio_sums", "events"]
-    """`radio_sums`: what was learned, as sums by day, radio, channel, direction and section."""
+    about: Literal["radio", "radio_events", "radio_sums", "events", "runs", "models", "model_parts", "reanalysed"]
+    """`radio_sums`: what was learned, as sums by day, radio, channel, direction and section; `models`: the radio
+    models learned here, `model_parts` what they are, packed; `reanalysed`: what models found in the history."""
     from_ns: int | None = None
     until_ns: int | None = None
     from_chainage_m: float | None = None
@@ -89,6 +91,10 @@ class StoreQuestion(Message, frozen=True, kw_only=True):
     channel: str = ""
     train: str = ""
     kind: str = ""
+    topic: str = ""
+    """Of events: one topic alone, by its short name."""
+    model: str = ""
+    """Of models and what they found: one version alone."""
     limit: Annotated[int, Meta(ge=1, le=50_000)] = 1000
     page: str = ""
     """From the page before; empty for the first."""
@@ -102,6 +108,35 @@ class StoreAnswer(Message, frozen=True, kw_only=True):
     rows: tuple[tuple[str | float | int | bool | None, ...], ...]
     next_page: str = ""
     """To ask on with; empty at the end."""
+    partial: str = ""
+    """What is missing and why, when a shard did not answer."""
+
+
+class HistoryTask(Message, frozen=True, kw_only=True):
+    """Work for a cloud to do over its history of the radio."""
+
+    task: Literal["learn", "analyse", "update"]
+    """`learn`: a model, anew; `analyse`: the history, by a model; `update`: whole days that the newest model has not
+    seen, analysed by it and learned."""
+    from_ns: int | None = None
+    until_ns: int | None = None
+    model: str = ""
+    """Version to analyse by; empty: the newest."""
+
+
+class HistoryTaskDone(Message, frozen=True, kw_only=True):
+    """What came of it; both are in the store by now."""
+
+    model: str
+    """Version that was written, or analysed by; empty when there was nothing to learn from."""
+    analysis: str = ""
+    """Name under which what was found stands; the same for the same history and model."""
+    passes: Annotated[int, Meta(ge=0)] = 0
+    events: Annotated[int, Meta(ge=0)] = 0
+    false_alarm_rate: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
+    """Of the model, held out."""
+    left_out: dict[str, int] = msgspec.field(default_factory=dict)
+    """Measurements that could not be used, by reason."""
     partial: str = ""
     """What is missing and why, when a shard did not answer."""
 

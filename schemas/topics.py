@@ -5,7 +5,7 @@ How keys are made of them, and topics found from keys: schemas/topic.py.
 
 from __future__ import annotations
 
-from schemas import bridge, gnss, health, motion, position, radio, runs, track_circuit
+from schemas import bridge, gnss, health, motion, position, radio, retention, runs, track_circuit
 from schemas.message import Message
 from schemas.topic import ROOT, Address, Delivery, Query, Topic, TopicError, TopicTable
 
@@ -322,13 +322,34 @@ INGEST = Query(
     "records of a bridge, answered once they are durable",
 )
 STORE = Query("cloud/{cloud}/store/{shard}", bridge.StoreQuestion, bridge.StoreAnswer, "rows of a cloud's history")
-QUERIES: tuple[Query[Message, Message], ...] = (INGEST, STORE)
+HISTORY_TASK = Query(
+    "cloud/{cloud}/history_task/{shard}",
+    bridge.HistoryTask,
+    bridge.HistoryTaskDone,
+    "to learn the radio from a cloud's history, or to analyse it anew; answered once it is done",
+)
+RETAINED = Query(
+    "{kind}/{place}/retained/{service}",
+    retention.RetainedQuestion,
+    retention.RetainedAnswer,
+    "what a service still keeps of its KEPT publications; the runtime answers for it",
+)
+QUERIES: tuple[Query[Message, Message], ...] = (INGEST, STORE, HISTORY_TASK, RETAINED)
 TABLE = TopicTable(ALL)
 
 
 def topic_of(key: str) -> Address | None:
     """Topic, place and fields of a concrete key; None when no topic has it."""
     return TABLE.find(key)
+
+
+def topic_at(key: str) -> Topic[Message]:
+    """Topic that has a concrete key. Raises TopicError when none has."""
+    address = TABLE.find(key)
+    if address is None:
+        msg = f"no topic has the key {key}"
+        raise TopicError(msg)
+    return address.topic
 
 
 def topic_named(name: str) -> Topic[Message]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import http.client
 import re
+import threading
 import urllib.parse
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -40,7 +41,9 @@ class Node:
     user: str = "default"
     password: str = ""
     timeout_s: float = 30.0
-    _connection: http.client.HTTPConnection | None = field(default=None)
+    _kept: threading.local = field(default_factory=threading.local)
+    """One connection a thread: questions are answered while batches are taken."""
+    _all: list[http.client.HTTPConnection] = field(default_factory=list)
 
     def execute(self, sql: str, body: bytes = b"", settings: Mapping[str, str | int] | None = None) -> bytes:
         """Answer to a statement; rows to insert go into `body`. Raises ClickHouseError, UnreachableError.
@@ -49,22 +52,21 @@ class Node:
         """
         path = "/?" + urllib.parse.urlencode({"query": sql, **(settings or {})})
         for last in (False, True):
-            kept = self._connection is not None
+            kept = self._connection() is not None
             try:
                 return self._attempt(path, body)
             except (OSError, http.client.HTTPException) as error:
-                self.close()
+                self._let_go()
                 if last or not kept:
                     msg = f"{self.url} does not answer: {error or type(error).__name__}"
                     raise UnreachableError(msg) from error
         raise AssertionError  # the loop always ends by itself
 
     def _attempt(self, path: str, body: bytes) -> bytes:
-        if self._connection is None:
-            self._connection = self._connect()
+        connection = self._connection() or self._connect()
         token = base64.b64encode(f"{self.user}:{self.password}".encode()).decode()
-        self._connection.request("POST", path, body=body, headers={"Authorization": f"Basic {token}"})
-        response = self._connection.getresponse()
+        connection.request("POST", path, body=body, headers={"Authorization": f"Basic {token}"})
+        response = connection.getresponse()
         answer = response.read()
         if response.status != http.client.OK:
             text = answer.decode("utf-8", "replace").strip()
@@ -73,13 +75,20 @@ class Node:
             raise ClickHouseError(msg, int(found.group(1)) if found else 0)
         return answer
 
+    def _connection(self) -> http.client.HTTPConnection | None:
+        found: http.client.HTTPConnection | None = getattr(self._kept, "connection", None)
+        return found
+
     def _connect(self) -> http.client.HTTPConnection:
         parts = urllib.parse.urlsplit(self.url)
         kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
         if parts.scheme not in ("http", "https") or not parts.hostname:
             msg = f"{self.url!r} is no address of a node: write http://host:8123"
             raise StoreError(msg)
-        return kind(parts.hostname, parts.port or (8443 if parts.scheme == "https" else 8123), timeout=self.timeout_s)
+        port = parts.port or (8443 if parts.scheme == "https" else 8123)
+        connection = self._kept.connection = kind(parts.hostname, port, timeout=self.timeout_s)
+        self._all.append(connection)
+        return connection
 
     def rows(self, sql: str, settings: Mapping[str, str | int] | None = None) -> list[list[Any]]:
         """Rows of a question. Raises as `execute`."""
@@ -91,11 +100,18 @@ class Node:
             msg = f"{self.url}: an answer that is none: {error}"
             raise ClickHouseError(msg, 0) from error
 
+    def _let_go(self) -> None:
+        """Of this thread's connection."""
+        connection = self._connection()
+        if connection is not None:
+            self._kept.connection = None
+            self._all.remove(connection)
+            connection.close()
+
     def close(self) -> None:
-        """Let go of the connection."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+        """Let go of every connection."""
+        for connection in self._all:
+            connection.close()
 
 
 class _Rows(msgspec.Struct):

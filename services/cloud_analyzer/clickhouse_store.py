@@ -19,12 +19,15 @@ from schemas.bridge import BridgedRecord, StoreAnswer, StoreQuestion
 from services.cloud_analyzer.clickhouse_socket import UNREACHABLE_CODES, ClickHouseError, Node, UnreachableError
 from services.cloud_analyzer.duckdb_store import DuckDbStore, day_of
 from services.cloud_analyzer.history import DAY_NS, SECTION_M, Commit, Learned, SectionSums, StoreError, days_of
-from services.cloud_analyzer.history_sql import learning_sql, literals, merging_sql, page_after, sql_of
+from services.cloud_analyzer.history_sql import Dialect, learning_sql, literals, merging_sql, sql_of
+from services.cloud_analyzer.pages import page_of
+from services.cloud_analyzer.result_tables import RESULTS, Findings
 from services.cloud_analyzer.sums_page import sums_answer
-from services.cloud_analyzer.tables import RADIO, TABLES, Kind, Rows, Table
+from services.cloud_analyzer.tables import RADIO, TABLES, Kind, Rows, Table, Value
 from services.lte_bridge.deduplication import StateRow
 
 T = TypeVar("T")
+DIALECT: Final = Dialect("toInt64(intDiv(taken_ns, 86400000000000))", "toInt64(floor({x}))")
 _TYPES: Final[dict[Kind, str]] = {"bigint": "Int64", "double": "Nullable(Float64)", "varchar": "String"}
 
 
@@ -32,16 +35,25 @@ class ClickHouseStore:
     """History on one node or on a cluster."""
 
     def __init__(
-        self, nodes: Sequence[Node], folder: Path, *, database: str, cluster: str = "", keep_days: float = 400.0
+        self,
+        nodes: Sequence[Node],
+        folder: Path,
+        *,
+        line: str,
+        database: str,
+        cluster: str = "",
+        keep_days: float = 400.0,
     ) -> None:
         """Make the tables where they are missing, on every node. Raises StoreError when a node is away.
 
+        `line`: the nodes hold every analyzer's lines; ours alone is answered about and learned from.
         `cluster`: its name in ClickHouse's own configuration; empty for a single node.
         """
         if not database.isidentifier() or (cluster and not cluster.isidentifier()):
             msg = f"{database!r} and {cluster!r} must be plain names"
             raise StoreError(msg)
         self._nodes = list(nodes)
+        self._line = line
         self._database = database
         self._cluster = cluster
         self._keep_days = keep_days
@@ -56,19 +68,31 @@ class ClickHouseStore:
 
     def _make_tables(self, node: Node) -> None:
         node.execute(f"CREATE DATABASE IF NOT EXISTS {self._database}")
-        for table in TABLES:
+        for table in (*TABLES, *RESULTS):
             columns = ", ".join(f"{name} {_TYPES[kind]}" for name, kind in table.columns)
-            order = ", ".join(name for name, kind in table.columns if kind != "double" and name != "message")
+            order = ", ".join(_order(table))
             node.execute(
                 f"CREATE TABLE IF NOT EXISTS {self._database}.{table.name}_here ({columns}) "
                 "ENGINE = ReplacingMergeTree() "
                 f"PARTITION BY toDate(toDateTime(intDiv(taken_ns, 1000000000), 'UTC')) ORDER BY ({order})"
             )
             if self._cluster:
+                here = f"{table.name}_here"
                 node.execute(
-                    f"CREATE TABLE IF NOT EXISTS {self._database}.{table.name} AS {self._database}.{table.name}_here "
-                    f"ENGINE = Distributed({self._cluster}, {self._database}, {table.name}_here, cityHash64(key))"
+                    f"CREATE TABLE IF NOT EXISTS {self._database}.{table.name} AS {self._database}.{here} "
+                    f"ENGINE = Distributed({self._cluster}, {self._database}, {here}, cityHash64({table.shard_by}))"
                 )
+            self._add_columns(node, table)
+
+    def _add_columns(self, node: Node, table: Table) -> None:
+        """Columns that tables of an older version lack; they stand last."""
+        for name in (f"{table.name}_here", table.name)[: 2 if self._cluster else 1]:
+            have = node.rows(
+                f"SELECT name FROM system.columns WHERE database = '{self._database}' AND table = '{name}'"  # noqa: S608 - names are our own
+            )
+            for column, kind in table.columns:
+                if [column] not in have:
+                    node.execute(f"ALTER TABLE {self._database}.{name} ADD COLUMN {column} {_TYPES[kind]}")
 
     def _name(self, table: Table) -> str:
         return f"{self._database}.{table.name}" if self._cluster else f"{self._database}.{table.name}_here"
@@ -81,20 +105,26 @@ class ClickHouseStore:
                 return work(node)
             except UnreachableError as error:
                 away = error
-                # Ask another one first from now on.
-                self._nodes.remove(node)
-                self._nodes.append(node)
+                # Ask another one first from now on; another thread may be doing the same.
+                self._nodes = [*(one for one in self._nodes if one is not node), node]
         raise away or UnreachableError("no node is configured")
 
     def commit(self, commit: Commit) -> int:
         """Rows on the nodes, then what is ours; see `Store.commit`."""
         for table in TABLES:
-            rows = commit.rows.of(table)
-            if rows:
-                body = b"\n".join(msgspec.json.encode(dict(zip(table.names, row, strict=True))) for row in rows)
-                sql = f"INSERT INTO {self._name(table)} FORMAT JSONEachRow"
-                self._any(lambda node, sql=sql, body=body: node.execute(sql, body, {"insert_distributed_sync": 1}))  # type: ignore[misc]  # bound at once
+            self._insert(table, commit.rows.of(table))
         return self._own.commit(Commit(Rows(), commit.had, commit.forgotten, commit.outbox))
+
+    def keep(self, findings: Findings) -> None:
+        """Models and what they found; see `Store.keep`."""
+        for table in RESULTS:
+            self._insert(table, findings.of(table))
+
+    def _insert(self, table: Table, rows: Sequence[Sequence[Value]]) -> None:
+        if rows:
+            body = b"\n".join(msgspec.json.encode(dict(zip(table.names, row, strict=True))) for row in rows)
+            sql = f"INSERT INTO {self._name(table)} FORMAT JSONEachRow"
+            self._any(lambda node: node.execute(sql, body, {"insert_distributed_sync": 1}))
 
     def published(self, number: int) -> None:
         """Forget outbox entries; see `Store.published`."""
@@ -111,31 +141,27 @@ class ClickHouseStore:
     def ask(self, question: StoreQuestion, timeout_s: float) -> StoreAnswer:
         """A page, partial when shards are away; see `Store.ask`."""
         if question.about == "radio_sums":
-            return sums_answer(question, self.learn(*days_of(question), by_day=True))
-        asked = sql_of(question, "relation")
+            return sums_answer(question, self.learn(*days_of(question), by_day=True, timeout_s=timeout_s))
+        asked = sql_of(question, self._line)
         sql = literals(asked.sql.replace("FROM relation", f"FROM {self._name(asked.table)} FINAL", 1), asked.parameters)
         found, partial = self._read(sql, timeout_s)
-        rows = [tuple(row) for row in found]
-        more = len(rows) > asked.limit
-        rows = rows[: asked.limit]
-        return StoreAnswer(
-            t_ns=0,
-            about=question.about,
-            columns=asked.columns,
-            rows=tuple(rows),
-            next_page=page_after(rows[-1], asked.columns) if more else "",
-            partial=partial,
-        )
+        return page_of(question, asked, found, partial)
 
-    def learn(self, first_day: int | None = None, last_day: int | None = None, *, by_day: bool = False) -> Learned:
-        """Sums from every row, partial when shards are away; see `Store.learn`."""
+    def learn(
+        self,
+        first_day: int | None = None,
+        last_day: int | None = None,
+        *,
+        by_day: bool = False,
+        timeout_s: float = 600.0,
+    ) -> Learned:
+        """Sums from every row of the line, partial when shards are away; see `Store.learn`."""
         bounds = ((">=", first_day), ("<", None if last_day is None else last_day + 1))
         conditions = [f"taken_ns {sign} {day * DAY_NS}" for sign, day in bounds if day is not None]
-        relation = f"{self._name(RADIO)} FINAL"
-        if conditions:
-            relation = f"(SELECT * FROM {relation} WHERE {' AND '.join(conditions)})"  # noqa: S608 - numbers of our own
-        passes = learning_sql(relation, SECTION_M, whole="toInt64(floor({x}))")
-        rows, partial = self._read(merging_sql(f"({passes})", by_day=by_day), 600.0)
+        where = " AND ".join(["line = {line:String}", *conditions])
+        relation = literals(f"(SELECT * FROM {self._name(RADIO)} FINAL WHERE {where})", {"line": self._line})  # noqa: S608 - numbers of our own
+        passes = learning_sql(relation, SECTION_M, DIALECT)
+        rows, partial = self._read(merging_sql(f"({passes})", by_day=by_day), timeout_s)
         return Learned(tuple(map(SectionSums._make, rows)), partial)
 
     def _read(self, sql: str, timeout_s: float) -> tuple[list[list[Any]], str]:
@@ -155,7 +181,7 @@ class ClickHouseStore:
         oldest = day_of(int(now_ns - self._keep_days * DAY_NS))
         dropped = 0
         for node in self._nodes:
-            for table in TABLES:
+            for table in (*TABLES, *RESULTS):
                 days = node.rows(
                     "SELECT DISTINCT partition FROM system.parts "  # noqa: S608 - names are our own
                     f"WHERE active AND database = '{self._database}' AND table = '{table.name}_here' "
@@ -173,3 +199,10 @@ class ClickHouseStore:
         for node in self._nodes:
             node.close()
         self._own.close()
+
+
+def _order(table: Table) -> tuple[str, ...]:
+    """What tells rows apart that replace each other."""
+    if table in RESULTS:
+        return ("line", *table.order)
+    return tuple(name for name, kind in table.columns if kind != "double" and name != "message")

@@ -12,30 +12,40 @@ app = typer.Typer(
     no_args_is_help=True, help="What the cloud remembers of trains and wayside sites.", rich_markup_mode=None
 )
 ROUTER = "tcp/127.0.0.1:7447"
+ABOUT = ("radio", "radio_events", "radio_sums", "events", "runs", "models", "reanalysed")
+Line = Annotated[str, typer.Option(help="Line.")]
+Cloud = Annotated[str, typer.Option("--cloud", help="Name of the cloud.")]
+Shard = Annotated[str, typer.Option(help="Analyzer of the line.")]
+From = Annotated[str | None, typer.Option("--from", help="ISO 8601 with zone.")]
+Until = Annotated[str | None, typer.Option(help="ISO 8601 with zone.")]
+Router = Annotated[str, typer.Option(help="Router of the cloud.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @app.command()
 def history(
-    about: Annotated[str, typer.Argument(help="radio, radio_events, radio_sums or events.")],
+    about: Annotated[str, typer.Argument(help=f"One of {', '.join(ABOUT)}.")],
     *,
-    line: Annotated[str, typer.Option(help="Line.")] = "demo",
-    at: Annotated[str, typer.Option("--cloud", help="Name of the cloud.")] = "C1",
-    shard: Annotated[str, typer.Option(help="Analyzer of the line.")] = "all",
-    since: Annotated[str | None, typer.Option("--from", help="ISO 8601 with zone.")] = None,
-    until: Annotated[str | None, typer.Option(help="ISO 8601 with zone.")] = None,
+    line: Line = "demo",
+    at: Cloud = "C1",
+    shard: Shard = "all",
+    since: From = None,
+    until: Until = None,
     from_m: Annotated[float | None, typer.Option("--from-chainage", help="Kilometrage [m].")] = None,
     until_m: Annotated[float | None, typer.Option("--until-chainage", help="Kilometrage [m].")] = None,
     radio: Annotated[str, typer.Option(help="One radio alone.")] = "",
     channel: Annotated[str, typer.Option(help="One channel alone.")] = "",
     train: Annotated[str, typer.Option(help="One train alone.")] = "",
     kind: Annotated[str, typer.Option(help="Of events.")] = "",
+    topic: Annotated[str, typer.Option(help="Of events: one topic alone, 'weather'.")] = "",
+    model: Annotated[str, typer.Option(help="Of models and what they found: one version alone.")] = "",
     most: Annotated[int, typer.Option("--most", min=1, help="Rows at most.")] = 1000,
     out: Annotated[Path | None, typer.Option("--out", help="CSV or Parquet file; printed when left out.")] = None,
     passes: Annotated[
         bool, typer.Option("--passes", help="Of radio: as passes.csv, for `kirotei radio learn` and `analyse`.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object a row.")] = False,
-    connect: Annotated[str, typer.Option(help="Router of the cloud.")] = ROUTER,
+    connect: Router = ROUTER,
 ) -> None:
     """Ask a cloud's history, page by page.
 
@@ -47,8 +57,8 @@ def history(
     from services.runtime.told_command import UsageError, told
 
     with told("cloud history"):
-        if about not in ("radio", "radio_events", "radio_sums", "events"):
-            msg = f"{about!r} is none of radio, radio_events, radio_sums, events"
+        if about not in ABOUT:
+            msg = f"{about!r} is none of {', '.join(ABOUT)}"
             raise UsageError(msg)
         if passes and about != "radio":
             msg = "--passes goes with radio"
@@ -67,10 +77,99 @@ def history(
             channel=channel,
             train=train,
             kind=kind,
+            topic=topic,
+            model=model,
             limit=min(most, 5000),
         )
         place = Place(line, "cloud", at)
     run_history(question, place, shard, connect, most=most, out=out, as_json=as_json, passes=passes)
+
+
+@app.command()
+def learn(
+    *,
+    line: Line = "demo",
+    at: Cloud = "C1",
+    shard: Shard = "all",
+    since: From = None,
+    until: Until = None,
+    update: Annotated[
+        bool, typer.Option("--update", help="Go on from the newest model: whole days that it has not seen.")
+    ] = False,
+    as_json: Json = False,
+    connect: Router = ROUTER,
+) -> None:
+    """Let the cloud learn the radio along the line from its history; the model stays there, under its version.
+
+    Example: kirotei cloud learn --from 2026-09-01T00:00Z --until 2026-11-01T00:00Z
+    """
+    from schemas.bridge import HistoryTask
+    from schemas.topic import Place
+    from services.cloud_analyzer.task_command import run_task
+    from services.runtime.told_command import told
+
+    with told("cloud learn"):
+        task = HistoryTask(
+            t_ns=0, task="update" if update else "learn", from_ns=_time_of(since), until_ns=_time_of(until)
+        )
+        place = Place(line, "cloud", at)
+    run_task(task, place, shard, connect, as_json=as_json)
+
+
+@app.command()
+def analyse(
+    *,
+    line: Line = "demo",
+    at: Cloud = "C1",
+    shard: Shard = "all",
+    since: From = None,
+    until: Until = None,
+    model: Annotated[str, typer.Option(help="Version; the newest when left out.")] = "",
+    as_json: Json = False,
+    connect: Router = ROUTER,
+) -> None:
+    """Let the cloud judge its history by a model; what is found stays there, marked with the model's version.
+
+    Example: kirotei cloud analyse --from 2026-11-01T00:00Z && kirotei cloud history reanalysed --out found.csv
+    """
+    from schemas.bridge import HistoryTask
+    from schemas.topic import Place
+    from services.cloud_analyzer.task_command import run_task
+    from services.runtime.told_command import told
+
+    with told("cloud analyse"):
+        task = HistoryTask(t_ns=0, task="analyse", from_ns=_time_of(since), until_ns=_time_of(until), model=model)
+        place = Place(line, "cloud", at)
+    run_task(task, place, shard, connect, as_json=as_json)
+
+
+@app.command()
+def model(
+    version: Annotated[str, typer.Argument(help="As `kirotei cloud history models` lists it; `newest`.")] = "newest",
+    *,
+    line: Line = "demo",
+    at: Cloud = "C1",
+    shard: Shard = "all",
+    out: Annotated[Path | None, typer.Option("--out", help="Model file, for `kirotei radio analyse`.")] = None,
+    send_as: Annotated[
+        str, typer.Option("--send-as", help="Hand it to trains and wayside sites under this name.")
+    ] = "",
+    connect: Router = ROUTER,
+) -> None:
+    """Fetch a model that the cloud has learned, into a file or down to the trains.
+
+    Example: kirotei cloud model newest --out model.json --send-as line
+    """
+    from schemas.topic import Place
+    from services.cloud_analyzer.model_command import run_model
+    from services.runtime.told_command import UsageError, told
+
+    with told("cloud model"):
+        if out is None and not send_as:
+            msg = "say where to: --out FILE, --send-as NAME, or both"
+            raise UsageError(msg)
+        place = Place(line, "cloud", at)
+    run_model("" if version == "newest" else version, place, shard, connect, out=out, send_as=send_as)
 
 
 @app.command()
@@ -80,9 +179,9 @@ def send(
     kind: Annotated[str, typer.Option(help="line, landmarks, gnss_thresholds or radio_model.")],
     version: Annotated[str, typer.Option(help="Version by which people call it.")],
     name: Annotated[str | None, typer.Option(help="Name; that of the file when left out.")] = None,
-    line: Annotated[str, typer.Option(help="Line.")] = "demo",
-    at: Annotated[str, typer.Option("--cloud", help="Name of the cloud.")] = "C1",
-    connect: Annotated[str, typer.Option(help="Router of the cloud.")] = ROUTER,
+    line: Line = "demo",
+    at: Cloud = "C1",
+    connect: Router = ROUTER,
 ) -> None:
     """Hand a file to the cloud's bridges, which keep it until every train that they serve has it.
 

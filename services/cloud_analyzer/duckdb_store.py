@@ -7,7 +7,6 @@ the database names it, so that a crash between the two leaves no row twice and n
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,6 +19,7 @@ import duckdb
 import numpy as np
 
 from schemas.bridge import BridgedRecord, StoreAnswer, StoreQuestion
+from services.cloud_analyzer.day_file import DAY_SQL, write_day
 from services.cloud_analyzer.history import (
     DAY_NS,
     SECTION_M,
@@ -30,15 +30,17 @@ from services.cloud_analyzer.history import (
     StoreTimeoutError,
     days_of,
 )
-from services.cloud_analyzer.history_sql import ORDER, dollars, learning_sql, merging_sql, page_after, sql_of
+from services.cloud_analyzer.history_sql import Dialect, dollars, learning_sql, merging_sql, sql_of
+from services.cloud_analyzer.pages import page_of
+from services.cloud_analyzer.result_tables import MODELS, RESULTS, Findings
 from services.cloud_analyzer.sums_page import sums_answer
 from services.cloud_analyzer.tables import RADIO, TABLES, Kind, Table
 from services.lte_bridge.batch import packed, unpacked
 from services.lte_bridge.deduplication import StateRow
 
 DATABASE: Final = "history.duckdb"
-_WHOLE: Final = "CAST(floor({x}) AS BIGINT)"
-DAY_SQL: Final = "strftime(make_timestamp(taken_ns // 1000), '%Y-%m-%d')"
+DIALECT: Final = Dialect("CAST(taken_ns // 86400000000000 AS INTEGER)", "CAST(floor({x}) AS INTEGER)")
+FILES: Final = "read_parquet($files, union_by_name=true, hive_partitioning=false)"
 
 
 class DuckDbStore:
@@ -72,9 +74,12 @@ class DuckDbStore:
         try:
             connection.execute(f"SET threads={int(threads)}")
             connection.execute("SET TimeZone='UTC'")
-            for table in TABLES:
+            for table in (*TABLES, *RESULTS):
                 columns = ", ".join(f"{name} {kind}" for name, kind in table.columns)
                 connection.execute(f"CREATE TABLE IF NOT EXISTS {table.name} ({columns})")
+                # A database of an older version lacks the newest columns, which stand last.
+                for name, kind in table.columns:
+                    connection.execute(f"ALTER TABLE {table.name} ADD COLUMN IF NOT EXISTS {name} {kind}")
             connection.execute("CREATE TABLE IF NOT EXISTS had (name VARCHAR PRIMARY KEY, state BLOB, used BIGINT)")
             connection.execute("CREATE TABLE IF NOT EXISTS outbox (number BIGINT, count BIGINT, compressed BLOB)")
             connection.execute(
@@ -172,19 +177,21 @@ class DuckDbStore:
         """A page; see `Store.ask`. May run in another thread than the commits."""
         if question.about == "radio_sums":
             return sums_answer(question, self.learn(*days_of(question), by_day=True, timeout_s=timeout_s))
-        asked = sql_of(question, "relation")
+        asked = sql_of(question, "")  # a folder holds one line
         relation, files = self._relation(asked.table, question.from_ns, question.until_ns)
         sql = dollars(asked.sql.replace("FROM relation", f"FROM {relation}", 1))
-        rows = self._read(sql, asked.parameters | files, timeout_s)
-        more = len(rows) > asked.limit
-        rows = rows[: asked.limit]
-        return StoreAnswer(
-            t_ns=0,
-            about=question.about,
-            columns=asked.columns,
-            rows=tuple(rows),
-            next_page=page_after(rows[-1], asked.columns) if more else "",
-        )
+        return page_of(question, asked, self._read(sql, asked.parameters | files, timeout_s))
+
+    def keep(self, findings: Findings) -> None:
+        """Models and what they found; see `Store.keep`."""
+        with self._transaction() as connection:
+            for table in RESULTS:
+                rows = findings.of(table)
+                at = table.names.index(table.shard_by)
+                if table is not MODELS:
+                    before = [list({row[at] for row in rows})]
+                    connection.execute(f"DELETE FROM {table.name} WHERE {table.shard_by} IN (SELECT unnest(?))", before)  # noqa: S608 - names are our own
+                _insert(connection, table, rows)
 
     def learn(
         self,
@@ -196,7 +203,7 @@ class DuckDbStore:
     ) -> Learned:
         """Sums of closed days as they are kept, of open ones from their rows; see `Store.learn`."""
         days = {"first": -(2**31) if first_day is None else first_day, "last": 2**31 if last_day is None else last_day}
-        live = learning_sql(RADIO.name, SECTION_M, whole=_WHOLE)
+        live = learning_sql(RADIO.name, SECTION_M, DIALECT)
         both = f"(SELECT * FROM sums UNION ALL {live})"  # noqa: S608 - names are our own
         sql = merging_sql(f"(SELECT * FROM {both} WHERE day BETWEEN $first AND $last)", by_day=by_day)  # noqa: S608 - the same
         return Learned(tuple(map(SectionSums._make, self._read(sql, days, timeout_s))))
@@ -204,7 +211,7 @@ class DuckDbStore:
     def learn_from_rows(self, *, by_day: bool = False) -> Learned:
         """The same from every row there is: to check what is kept."""
         relation, parameters = self._relation(RADIO, None, None)
-        sql = merging_sql(f"({learning_sql(relation, SECTION_M, whole=_WHOLE)})", by_day=by_day)
+        sql = merging_sql(f"({learning_sql(relation, SECTION_M, DIALECT)})", by_day=by_day)
         return Learned(tuple(map(SectionSums._make, self._read(sql, parameters, 600.0))))
 
     def _relation(self, table: Table, from_ns: int | None, until_ns: int | None) -> tuple[str, dict[str, Any]]:
@@ -219,8 +226,8 @@ class DuckDbStore:
         if not paths:
             return table.name, {}
         columns = ", ".join(table.names)
-        files = "read_parquet($files, union_by_name=true, hive_partitioning=false)"
-        both = f"SELECT {columns} FROM {table.name} UNION ALL SELECT {columns} FROM {files}"  # noqa: S608 - names are our own
+        # By name: files of an older version lack the newest columns.
+        both = f"SELECT {columns} FROM {table.name} UNION ALL BY NAME SELECT * FROM {FILES}"  # noqa: S608 - names are our own
         return f"({both})", {"files": paths}
 
     def _read(self, sql: str, parameters: dict[str, Any], timeout_s: float) -> list[tuple[Any, ...]]:
@@ -245,6 +252,10 @@ class DuckDbStore:
         done = [said for table in TABLES for said in self._close_days(table, closed)]
         oldest = day_of(int(now_ns - self._keep_days * DAY_NS))
         old = self._connection.execute("SELECT path FROM parts WHERE day < ?", [oldest]).fetchall()
+        with self._transaction() as connection:
+            for table in RESULTS:
+                connection.execute(f"DELETE FROM {table.name} WHERE {DAY_SQL} < ?", [oldest])  # noqa: S608 - names are our own
+            connection.execute("DELETE FROM sums WHERE day < ?", [number_of(oldest)])
         if old:
             with self._transaction() as connection:
                 connection.execute("DELETE FROM parts WHERE day < ?", [oldest])
@@ -260,7 +271,7 @@ class DuckDbStore:
             [closed],
         ).fetchall()
         for day, count in days:
-            path = self._write_day(table, day)
+            path = write_day(self._connection, self._folder, table, day)
             with self._transaction() as connection:
                 entry = [str(path.relative_to(self._folder)), table.name, day, count]
                 connection.execute("INSERT INTO parts VALUES (?, ?, ?, ?)", entry)
@@ -275,34 +286,10 @@ class DuckDbStore:
         """Sums of a closed day, from all files that it has by now."""
         found = connection.execute("SELECT path FROM parts WHERE table_name = 'radio' AND day = ?", [day]).fetchall()
         files = [str(self._folder / path) for (path,) in found]
-        number = (date.fromisoformat(day) - date(1970, 1, 1)).days
+        number = number_of(day)
         connection.execute("DELETE FROM sums WHERE day = ?", [number])
-        relation = "read_parquet($files, union_by_name=true, hive_partitioning=false)"
-        sql = f"INSERT INTO sums {learning_sql(relation, SECTION_M, whole=_WHOLE)}"
+        sql = f"INSERT INTO sums {learning_sql(FILES, SECTION_M, DIALECT, day=number)}"
         connection.execute(sql, {"files": files})
-
-    def _write_day(self, table: Table, day: str) -> Path:
-        folder = self._folder / "raw" / table.name / f"day={day}"
-        folder.mkdir(parents=True, exist_ok=True)
-        number = 1 + max((int(path.stem) for path in folder.glob("*.parquet") if path.stem.isdigit()), default=0)
-        path, beside = folder / f"{number:06d}.parquet", folder / f"{number:06d}.new"
-        order = ", ".join(name for name in ORDER if name in table.names)
-        target = str(beside).replace("'", "''")
-        sql = (
-            f"COPY (SELECT * FROM {table.name} WHERE {DAY_SQL} = $day ORDER BY {order}) "  # noqa: S608 - names are our own
-            f"TO '{target}' (FORMAT parquet, COMPRESSION zstd)"
-        )
-        try:
-            self._connection.execute(sql, {"day": day})
-            _sync(beside)
-            beside.replace(path)
-            _sync(folder)
-        except (duckdb.Error, OSError) as error:
-            with suppress(OSError):
-                beside.unlink(missing_ok=True)
-            msg = f"{path} cannot be written: {str(error).splitlines()[0]}"
-            raise StoreError(msg) from error
-        return path
 
     def close(self) -> None:
         """End it; see `Store.close`."""
@@ -342,9 +329,6 @@ def day_of(t_ns: int) -> str:
     return datetime.fromtimestamp(max(t_ns, 0) / 1e9, UTC).strftime("%Y-%m-%d")
 
 
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+def number_of(day: str) -> int:
+    """Its number, counted from 1970."""
+    return (date.fromisoformat(day) - date(1970, 1, 1)).days

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from schemas.bridge import BridgedRecord, StoreAnswer, StoreQuestion
+from services.cloud_analyzer.result_tables import Findings
 from services.cloud_analyzer.tables import Rows
 from services.lte_bridge.deduplication import StateRow
 
@@ -85,9 +86,19 @@ class Store(Protocol):
         """What was had by the time of the last commit."""
 
     def ask(self, question: StoreQuestion, timeout_s: float) -> StoreAnswer:
-        """A page of rows. Raises StoreError, StoreTimeoutError, and ValueError for a page that is none."""
+        """A page of rows of the line. Raises StoreError, StoreTimeoutError, and ValueError for a page that is none."""
 
-    def learn(self, first_day: int | None = None, last_day: int | None = None, *, by_day: bool = False) -> Learned:
+    def keep(self, findings: Findings) -> None:
+        """Make models, and what they found, durable. The same once more replaces itself. Raises StoreError."""
+
+    def learn(
+        self,
+        first_day: int | None = None,
+        last_day: int | None = None,
+        *,
+        by_day: bool = False,
+        timeout_s: float = 600.0,
+    ) -> Learned:
         """Sums over pass values by section; days counted from 1970, both included. Raises StoreError."""
 
     def tend(self, now_ns: int) -> str:

@@ -14,9 +14,22 @@ from typing import Final
 import msgspec
 
 from schemas.bridge import StoreQuestion
-from services.cloud_analyzer.tables import EVENTS, RADIO, Table
+from services.cloud_analyzer.result_tables import MODEL_PARTS, MODELS, REANALYSED
+from services.cloud_analyzer.tables import EVENTS, RADIO, Kind, Table
+from services.radio_anomaly.reading import FARTHEST_M, LEAST_DBM, MOST_DBM
 
-ORDER: Final = ("taken_ns", "key", "boot_id", "sequence")
+TABLE_OF: Final[dict[str, Table]] = {
+    "radio": RADIO,
+    "events": EVENTS,
+    "radio_events": EVENTS,
+    "runs": EVENTS,
+    "models": MODELS,
+    "model_parts": MODEL_PARTS,
+    "reanalysed": REANALYSED,
+}
+"""What is asked about, and the table that holds it."""
+TOPIC_OF: Final = {"radio_events": "radio/event", "runs": "run"}
+_TYPES: Final[dict[Kind, str]] = {"bigint": "Int64", "double": "Float64", "varchar": "String"}
 _PARAMETER = re.compile(r"\{(\w+):\w+\}")
 SUM_KEYS: Final = ("day", "radio", "channel", "direction", "cell", "section")
 Parameter = str | int | float
@@ -27,67 +40,78 @@ class Asked:
     """A question as SQL."""
 
     table: Table
-    columns: tuple[str, ...]
     sql: str
     parameters: dict[str, Parameter]
     limit: int
 
 
-def sql_of(question: StoreQuestion, relation: str) -> Asked:
-    """SQL for one page and one row more; `relation` is what stands behind FROM. ValueError for a bad page."""
-    table = RADIO if question.about == "radio" else EVENTS
-    columns = table.names
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How an engine says what the others say otherwise."""
+
+    day: str
+    """Day of a row, counted from 1970."""
+    section: str
+    """Whole number below `{x}`."""
+
+
+def sql_of(question: StoreQuestion, line: str) -> Asked:
+    """SQL for one page and one row more, FROM `relation`; of one line alone. ValueError for a bad page."""
+    table = TABLE_OF[question.about]
     conditions: list[str] = []
     parameters: dict[str, Parameter] = {}
 
-    def add(condition: str, name: str, value: Parameter | None) -> None:
-        if value is not None and value != "":
-            conditions.append(condition)
+    def add(column: str, sign: str, name: str, value: Parameter | None) -> None:
+        if value is not None and value != "" and column in table.names:
+            kind = _TYPES[dict(table.columns)[column]]
+            conditions.append(f"{column} {sign} {{{name}:{kind}}}")
             parameters[name] = value
 
-    add("taken_ns >= {from_ns:Int64}", "from_ns", question.from_ns)
-    add("taken_ns < {until_ns:Int64}", "until_ns", question.until_ns)
-    add("chainage_m >= {from_m:Float64}", "from_m", question.from_chainage_m)
-    add("chainage_m < {until_m:Float64}", "until_m", question.until_chainage_m)
-    add("radio = {radio:String}", "radio", question.radio)
-    add("channel = {channel:String}", "channel", question.channel)
-    add("place = {place:String}", "place", f"train/{question.train}" if question.train else None)
-    if table is EVENTS:
-        add("kind = {kind:String}", "kind", question.kind)
-    if question.about == "radio_events":
-        add("topic = {topic:String}", "topic", "radio/event")
+    add("line", "=", "line", line)
+    add("taken_ns", ">=", "from_ns", question.from_ns)
+    add("taken_ns", "<", "until_ns", question.until_ns)
+    add("chainage_m", ">=", "from_m", question.from_chainage_m)
+    add("chainage_m", "<", "until_m", question.until_chainage_m)
+    add("radio", "=", "radio", question.radio)
+    add("channel", "=", "channel", question.channel)
+    add("place", "=", "place", f"train/{question.train}" if question.train else None)
+    add("kind", "=", "kind", question.kind)
+    add("topic", "=", "topic", TOPIC_OF.get(question.about, question.topic))
+    add("version", "=", "version", question.model)
+    add("model", "=", "model", question.model)
     if question.page:
-        last_ns, last_key, last_boot, last_number = _last_of(question.page)
-        parameters |= {"last_taken_ns": last_ns, "last_key": last_key}
-        parameters |= {"last_boot_id": last_boot, "last_sequence": last_number}
-        conditions.append(
-            "(taken_ns, key, boot_id, sequence) > "
-            "({last_taken_ns:Int64}, {last_key:String}, {last_boot_id:String}, {last_sequence:Int64})"
-        )
+        names = [f"last_{name}" for name in table.order]
+        parameters |= dict(zip(names, _last_of(question.page, table), strict=True))
+        marks = [f"{{last_{name}:{_TYPES[dict(table.columns)[name]]}}}" for name in table.order]
+        conditions.append(f"({', '.join(table.order)}) > ({', '.join(marks)})")
     where = f" WHERE {' AND '.join(conditions)}" if conditions else ""
     sql = (
-        f"SELECT {', '.join(columns)} FROM {relation}{where} "  # noqa: S608 - names are our own, values are parameters
-        f"ORDER BY {', '.join(ORDER)} LIMIT {question.limit + 1}"
+        f"SELECT {', '.join(table.names)} FROM relation{where} "  # noqa: S608 - names are our own, values are parameters
+        f"ORDER BY {', '.join(table.order)} LIMIT {question.limit + 1}"
     )
-    return Asked(table, columns, sql, parameters, question.limit)
+    return Asked(table, sql, parameters, question.limit)
 
 
-def learning_sql(relation: str, section_m: float, *, whole: str) -> str:
+def learning_sql(relation: str, section_m: float, dialect: Dialect, *, day: int | None = None) -> str:
     """SQL of sums over pass values by day (counted from 1970), radio, channel, direction, cell and section.
 
     A pass value is the mean power of a pass over a section: passes are what varies from one to the next, samples
-    within a pass hang together. `whole`: the engine's own floor to a 64-bit number, with `{x}` for what is floored.
+    within a pass hang together. Places off every line and powers that cannot be are left out, as the analysis
+    leaves them out. `day`: of rows that are known to be all of one day; groups of one column less are half the work.
     """
-    day = whole.format(x="taken_ns / 86400000000000")
-    section = whole.format(x=f"chainage_m / {section_m!r}")
-    keys = ", ".join(SUM_KEYS)
+    keys = ", ".join(SUM_KEYS[1:])
+    apart, told = (f"{dialect.day} AS day, ", "day, ") if day is None else ("", "")
+    section = dialect.section.format(x=f"chainage_m / {section_m!r}")
     power = "coalesce(channel_power_dbm, decoded_power_dbm)"
     passes = (
-        f"SELECT {day} AS day, radio, channel, direction, cell, {section} AS section, pass_id, avg({power}) AS v "  # noqa: S608 - names are our own
-        f"FROM {relation} WHERE chainage_m IS NOT NULL AND {power} IS NOT NULL AND clock = '' "
-        f"GROUP BY {keys}, pass_id"
+        f"SELECT {apart}radio, channel, direction, cell, {section} AS section, pass_id, avg({power}) AS v "  # noqa: S608 - names are our own
+        f"FROM {relation} WHERE clock = '' AND chainage_m BETWEEN {-FARTHEST_M!r} AND {FARTHEST_M!r} "
+        f"AND {power} BETWEEN {LEAST_DBM!r} AND {MOST_DBM!r} GROUP BY {told}{keys}, pass_id"
     )
-    return f"SELECT {keys}, count(*) AS n, sum(v) AS s, sum(v * v) AS ss FROM ({passes}) AS p GROUP BY {keys}"  # noqa: S608 - the same
+    return (
+        f"SELECT {'day' if day is None else f'{day:d} AS day'}, {keys}, "  # noqa: S608 - the same
+        f"count(*) AS n, sum(v) AS s, sum(v * v) AS ss FROM ({passes}) AS p GROUP BY {told}{keys}"
+    )
 
 
 def merging_sql(relation: str, *, by_day: bool) -> str:
@@ -121,15 +145,19 @@ def literals(sql: str, parameters: dict[str, Parameter]) -> str:
     return _PARAMETER.sub(literal, sql)
 
 
-def page_after(row: tuple[object, ...], columns: tuple[str, ...]) -> str:
-    """Page that goes on behind a row."""
-    last = [row[columns.index(name)] for name in ORDER]
+def page_after(row: tuple[object, ...], table: Table) -> str:
+    """Page that goes on behind a row of a table."""
+    last = [row[table.names.index(name)] for name in table.order]
     return base64.urlsafe_b64encode(msgspec.json.encode(last)).decode()
 
 
-def _last_of(page: str) -> tuple[int, str, str, int]:
+def _last_of(page: str, table: Table) -> list[Parameter]:
+    kinds = dict(table.columns)
     try:
-        return msgspec.json.decode(base64.urlsafe_b64decode(page), type=tuple[int, str, str, int])
-    except (ValueError, msgspec.MsgspecError) as error:
-        msg = "no page of this history: take it from the answer before"
-        raise ValueError(msg) from error
+        last = msgspec.json.decode(base64.urlsafe_b64decode(page), type=list[int | float | str])
+        if [int if kinds[name] == "bigint" else str for name in table.order] == [type(value) for value in last]:
+            return last
+    except (ValueError, msgspec.MsgspecError):
+        pass
+    msg = "no page of this history: take it from the answer before"
+    raise ValueError(msg)

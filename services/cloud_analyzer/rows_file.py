@@ -24,6 +24,7 @@ class RowsFile:
         self._beside = path.with_name(path.name + ".part")
         self._file: TextIO | None = None
         self._columns: tuple[str, ...] | None = None
+        self._types: dict[str, set[type]] = {}
         self.rows = 0
 
     def __enter__(self) -> Self:
@@ -37,12 +38,15 @@ class RowsFile:
         writer: Any = csv.writer(self._file)
         if self._columns is None:
             self._columns = columns
+            self._types = {name: set() for name in columns}
             writer.writerow(columns)
         elif columns != self._columns:
             msg = f"columns changed from page to page: {self._columns}, {columns}"
             raise ValueError(msg)
         for row in rows:
             writer.writerow(row)
+            for name, value in zip(columns, row, strict=True):
+                self._types[name].add(type(value))
             self.rows += 1
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
@@ -61,8 +65,20 @@ class RowsFile:
             return
         beside = self._beside.with_name(self._beside.name + ".parquet")
         source, target = (str(one).replace("'", "''") for one in (self._beside, beside))
+        # Text stays text: a channel '2412' is no number, and a boot id '1e5' neither.
+        kinds = {name: _kind(types) for name, types in self._types.items()}
+        whole = [name for name, types in self._types.items() if types == {str}]
+        options = f"header=true, columns={kinds!r}, force_not_null={whole!r}" if kinds else "header=true"
         with duckdb.connect() as connection:
             connection.execute(
-                f"COPY (SELECT * FROM read_csv('{source}', header=true, sample_size=-1)) TO '{target}' (FORMAT parquet)"  # noqa: S608 - paths, quoted
+                f"COPY (SELECT * FROM read_csv('{source}', {options})) TO '{target}' (FORMAT parquet)"  # noqa: S608 - paths, quoted, and names of our own
             )
         beside.replace(self._path)
+
+
+def _kind(types: set[type]) -> str:
+    """Column type that takes all of a column's values."""
+    known = types - {type(None)}
+    if not known or known in ({float}, {int, float}):
+        return "DOUBLE"
+    return {int: "BIGINT", bool: "BOOLEAN"}.get(next(iter(known)), "VARCHAR") if len(known) == 1 else "VARCHAR"

@@ -47,11 +47,16 @@ def run_send(document: Document, place: Place, endpoint: str) -> NoReturn:
     """Publish the document and end the process."""
 
     async def work(node: ZenohNode) -> int:
-        stamped = msgspec.structs.replace(document, t_ns=node.clock.now_ns())
-        field = re.sub(r"[^A-Za-z0-9_.@+-]", "_", f"{document.kind}-{document.name}")[:64]
-        await node.publish(DOCUMENT, stamped, document=field)
-        await node.sleep(LINGER_S)
-        sys.stdout.write(f"{document.kind} {document.name} {document.version}: {len(document.content)} bytes said\n")
+        await say(node, document)
         return 0
 
     BusSession("cloud-send", place, endpoint, work, speaks=True).run()
+
+
+async def say(node: ZenohNode, document: Document) -> None:
+    """Publish a document, as of now, and wait until bridges have had the time to hear it."""
+    stamped = msgspec.structs.replace(document, t_ns=node.clock.now_ns())
+    field = re.sub(r"[^A-Za-z0-9_.@+-]", "_", f"{document.kind}-{document.name}")[:64]
+    await node.publish(DOCUMENT, stamped, document=field)
+    await node.sleep(LINGER_S)
+    sys.stdout.write(f"{document.kind} {document.name} {document.version}: {len(document.content)} bytes said\n")

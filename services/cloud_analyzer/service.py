@@ -1,4 +1,4 @@
-"""Takes what bridges bring, keeps it, says it again under mirrored keys, and answers questions about it."""
+"""Takes what bridges bring, keeps it, says it again under mirrored keys, learns from it, answers questions about it."""
 
 from __future__ import annotations
 
@@ -15,15 +15,25 @@ from typing import Annotated, Literal, TypeVar
 import msgspec
 from msgspec import Meta
 
-from schemas.bridge import BridgeAcknowledgement, BridgeBatch, StoreAnswer, StoreQuestion
-from schemas.topics import INGEST, STORE
+from schemas.bridge import (
+    BridgeAcknowledgement,
+    BridgeBatch,
+    HistoryTask,
+    HistoryTaskDone,
+    StoreAnswer,
+    StoreQuestion,
+)
+from schemas.topics import HISTORY_TASK, INGEST, STORE
 from services.cloud_analyzer import clickhouse_socket
 from services.cloud_analyzer.clickhouse_store import ClickHouseStore
 from services.cloud_analyzer.duckdb_store import DuckDbStore
-from services.cloud_analyzer.history import Store, StoreError
+from services.cloud_analyzer.history import DAY_NS, Store, StoreError
+from services.cloud_analyzer.history_work import HistoryWork
 from services.cloud_analyzer.ingest import Ingest
+from services.cloud_analyzer.pages import told
 from services.cloud_analyzer.tables import LATE_DAYS
 from services.lte_bridge.batch import BatchError
+from services.radio_anomaly.settings import Settings as RadioSettings
 from services.runtime.host_config import Settings
 from services.runtime.node import Node, Sample, Service
 from services.runtime.question import Question
@@ -32,6 +42,9 @@ from services.runtime.state_dir import state_dir
 T = TypeVar("T")
 TEND_S = 600.0
 SETTLE_S = 4.0
+LOOK_S = 60.0
+"""Between two looks at whether the hour of learning has come."""
+HOUR_NS = 3_600_000_000_000
 
 
 class ClickHouseSettings(Settings, frozen=True, kw_only=True):
@@ -69,6 +82,14 @@ class Config(Settings, frozen=True, kw_only=True):
     """A measurement stamped so long before the bridge heard it is filed under the time at which it was heard."""
     ask_timeout_s: Annotated[float, Meta(gt=0.0, le=600.0)] = 20.0
     """A question that takes longer is refused."""
+    learn_at_hour_utc: Annotated[int, Meta(ge=0, le=23)] | None = 2
+    """When whole days are analysed by the newest radio model and learned; None: only when asked to."""
+    learn_after_days: Annotated[int, Meta(ge=0, le=60)] = 1
+    """A day is learned so long after its end: bridges that were cut off still bring its measurements."""
+    learn_days: Annotated[int, Meta(ge=1, le=3650)] = 60
+    """The first model is learned from so many days."""
+    radio: RadioSettings = RadioSettings()
+    """What decides in models that are learned here."""
     clickhouse: ClickHouseSettings = ClickHouseSettings()
 
 
@@ -83,6 +104,9 @@ class _Work:
     writing: asyncio.Lock = field(default_factory=asyncio.Lock)
     said: deque[tuple[float, int]] = field(default_factory=deque)
     """When an outbox entry was said again, and its number; oldest first."""
+    busy: asyncio.Lock = field(default_factory=asyncio.Lock)
+    """One piece of work on the history at a time."""
+    stopping: bool = False
 
     async def write(self, work: Callable[[], T]) -> T:
         """Result of work on the store's one writer."""
@@ -101,16 +125,21 @@ async def run(node: Node, config: Config) -> None:
             node.health.set("set_aside", f"the database was damaged and put aside: {set_aside}")
         batches = node.questions(INGEST, shard=config.shard)
         questions = node.questions(STORE, shard=config.shard)
+        tasks = node.questions(HISTORY_TASK, shard=config.shard)
         async with asyncio.TaskGroup() as group:
-            tending = group.create_task(_tend(work), name="tend")
-            settling = group.create_task(_settle(work), name="settle")
-            answering = group.create_task(_answer(work, questions), name="answers")
+            beside = [
+                group.create_task(_tend(work), name="tend"),
+                group.create_task(_settle(work), name="settle"),
+                group.create_task(_answer(work, questions), name="answers"),
+                group.create_task(_work_when_asked(work, tasks), name="tasks"),
+                group.create_task(_learn_daily(work), name="learning"),
+            ]
             await _say_again(work)
             node.ready()
             await _take(work, batches)
-            answering.cancel()
-            tending.cancel()
-            settling.cancel()
+            work.stopping = True
+            for task in beside:
+                task.cancel()
             await _forget(work, math.inf)
     finally:
         await node.in_thread(store.close)
@@ -124,7 +153,7 @@ def open_store(config: Config, line: str) -> Store:
         password = Path(there.password_file).read_text("utf-8").strip() if there.password_file else ""
         nodes = [clickhouse_socket.Node(url, there.user, password, there.timeout_s) for url in there.urls]
         return ClickHouseStore(
-            nodes, folder, database=there.database, cluster=there.cluster, keep_days=config.keep_days
+            nodes, folder, line=line, database=there.database, cluster=there.cluster, keep_days=config.keep_days
         )
     return DuckDbStore(folder, keep_days=config.keep_days, open_days=config.open_days, threads=config.threads)
 
@@ -170,13 +199,60 @@ async def _answer(work: _Work, questions: AsyncIterator[Question[StoreQuestion, 
     async for question in questions:
         request = question.request
         try:
-            answer = await work.node.in_thread(partial(work.store.ask, request, work.config.ask_timeout_s))
+            answer = await work.node.in_thread(partial(_page, work, request))
         except (StoreError, ValueError) as error:
             work.node.health.count("questions_refused")
             await question.refuse(str(error))
             continue
         work.node.health.count("questions")
         await question.answer(msgspec.structs.replace(answer, t_ns=work.node.clock.now_ns()))
+
+
+def _page(work: _Work, request: StoreQuestion) -> StoreAnswer:
+    return told(request, work.store.ask(request, work.config.ask_timeout_s))
+
+
+async def _work_when_asked(work: _Work, questions: AsyncIterator[Question[HistoryTask, HistoryTaskDone]]) -> None:
+    async for question in questions:
+        try:
+            await question.answer(await _work_on(work, question.request))
+        except (StoreError, ValueError) as error:
+            work.node.health.count("tasks_refused")
+            await question.refuse(str(error))
+
+
+async def _work_on(work: _Work, task: HistoryTask) -> HistoryTaskDone:
+    """What came of a task, once it is kept. Raises StoreError, ValueError."""
+    node = work.node
+    history = HistoryWork(work.store, node.place.line, work.config.radio, lambda: work.stopping)
+    async with work.busy:
+        done, findings = await node.in_thread(lambda: history.do(task, node.clock.now_ns()))
+        await work.write(partial(work.store.keep, findings))
+    node.health.count("models", len(findings.models))
+    node.health.count("reanalysed", len(findings.reanalysed))
+    return done
+
+
+async def _learn_daily(work: _Work) -> None:
+    """At its hour, or after a start that comes later: days that are over, by the newest model, and learned."""
+    node, config = work.node, work.config
+    learned_day = -1
+    while config.learn_at_hour_utc is not None:
+        now_ns = node.clock.now_ns()
+        day = (now_ns - config.learn_at_hour_utc * HOUR_NS) // DAY_NS
+        if day > learned_day:
+            until_ns = (now_ns // DAY_NS - config.learn_after_days) * DAY_NS
+            task = HistoryTask(
+                t_ns=now_ns, task="update", from_ns=until_ns - config.learn_days * DAY_NS, until_ns=until_ns
+            )
+            try:
+                await _work_on(work, task)
+                learned_day = day
+                node.health.clear("learning")
+            except (StoreError, ValueError) as error:
+                # A node that is away comes back: tried again at the next look.
+                node.health.set("learning", f"nothing learned today: {error}")
+        await asyncio.sleep(LOOK_S)
 
 
 async def _settle(work: _Work) -> None:
@@ -215,7 +291,7 @@ SERVICE = Service(
     reads=(),
     writes=(),
     run=run,
-    about="keeps what trains and wayside sites sent, says it again in the cloud, answers questions about it",
-    answers=(INGEST, STORE),
+    about="keeps what trains and wayside sites sent, says it again in the cloud, learns from it, answers questions",
+    answers=(INGEST, STORE, HISTORY_TASK),
     mirrors=True,
 )

@@ -14,11 +14,7 @@ COLUMNS = ("day", "radio", "channel", "direction", "cell", "section", "n", "mean
 
 def sums_answer(question: StoreQuestion, learned: Learned) -> StoreAnswer:
     """A page of sums with mean and standard deviation. ValueError for a page that is none."""
-    try:
-        first = int(question.page or "0")
-    except ValueError as error:
-        msg = "no page of these sums: take it from the answer before"
-        raise ValueError(msg) from error
+    first = _first_of(question)
     wanted = [
         one
         for one in learned.sums
@@ -28,15 +24,26 @@ def sums_answer(question: StoreQuestion, learned: Learned) -> StoreAnswer:
         (_iso(one.day), *one[1:7], one.total / one.n, _sigma(one.n, one.total, one.squares))
         for one in wanted[first : first + question.limit]
     )
-    later = first + question.limit
     return StoreAnswer(
         t_ns=0,
         about=question.about,
         columns=COLUMNS,
         rows=rows,
-        next_page=str(later) if later < len(wanted) else "",
+        next_page=later_page(question, question.limit) if first + question.limit < len(wanted) else "",
         partial=learned.partial,
     )
+
+
+def later_page(question: StoreQuestion, rows: int) -> str:
+    """Page that goes on behind so many rows of this one."""
+    return str(_first_of(question) + rows)
+
+
+def _first_of(question: StoreQuestion) -> int:
+    if question.page and not question.page.isdecimal():
+        msg = "no page of these sums: take it from the answer before"
+        raise ValueError(msg)
+    return int(question.page or "0")
 
 
 def _iso(day: int | None) -> str:

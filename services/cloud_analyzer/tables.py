@@ -37,6 +37,10 @@ class Table:
 
     name: str
     columns: tuple[tuple[str, Kind], ...]
+    order: tuple[str, ...] = ("taken_ns", "key", "boot_id", "sequence")
+    """Columns that tell its rows apart, in the order of its pages."""
+    shard_by: str = "key"
+    """Rows that agree in it go to the same shard."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,6 +79,8 @@ _MEASURED: Final[tuple[tuple[str, Kind], ...]] = (
     ("frequency_offset_hz", "double"),
     ("temperature_c", "double"),
     ("tx_power_dbm", "double"),
+    ("snr_db", "double"),
+    ("rsrq_db", "double"),
 )
 RADIO: Final = Table("radio", _COMMON + _MEASURED)
 EVENTS: Final = Table(
@@ -92,6 +98,7 @@ EVENTS: Final = Table(
 REFUSED: Final = Table(
     "refused",
     (("taken_ns", "bigint"), ("key", "varchar"), ("reason", "varchar"), ("payload_hex", "varchar")),
+    order=("taken_ns", "key"),
 )
 TABLES: Final = (RADIO, EVENTS, REFUSED)
 MOST_REFUSED_BYTES: Final = 65_536
@@ -247,6 +254,8 @@ def _measured(message: RadioMeasurement) -> tuple[Value, ...]:
         message.frequency_offset_hz,
         message.temperature_c,
         message.tx_power_dbm,
+        message.snr_db,
+        message.rsrq_db,
     )
 
 

@@ -9,13 +9,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from schemas.bridge import BridgedRecord, StoreQuestion
+from schemas.bridge import BridgedRecord, HistoryTask, StoreQuestion
 from services.cloud_analyzer.clickhouse_socket import Node
 from services.cloud_analyzer.clickhouse_store import ClickHouseStore
 from services.cloud_analyzer.duckdb_store import DuckDbStore
 from services.cloud_analyzer.history import Store, StoreError
+from services.cloud_analyzer.history_work import HistoryWork
 from services.cloud_analyzer.ingest import Ingest
 from tests.unit.cloud_analyzer.batches import DAY_NS, NOW_NS, batch, measurement, service_event
+from tests.unit.cloud_analyzer.radio_days import END_NS, FAULT_NS, READINGS, bring
 from tests.wire.clickhouse_nodes import SERVER, Server, start_two
 
 pytestmark = pytest.mark.skipif(SERVER is None, reason="no clickhouse-server on this machine")
@@ -38,9 +40,9 @@ def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, 
 
 
 @contextmanager
-def cluster(servers: tuple[Server, Server], folder: Path) -> Iterator[ClickHouseStore]:
+def cluster(servers: tuple[Server, Server], folder: Path, line: str = "demo") -> Iterator[ClickHouseStore]:
     nodes = [Node(server.url, timeout_s=10.0) for server in servers]
-    with closing(ClickHouseStore(nodes, folder, database="kirotei", cluster="fleet")) as store:
+    with closing(ClickHouseStore(nodes, folder, line=line, database="kirotei", cluster="fleet")) as store:
         yield store
 
 
@@ -94,6 +96,34 @@ def test_two_nodes_give_what_the_embedded_store_gives(servers: tuple[Server, Ser
         assert all_rows(there, ALL_RADIO) == []
 
 
+def worked_on(store: Store, line: str) -> list[list[tuple[object, ...]]]:
+    """A model learned from the days before the fault, a daily update through it, and all that they left."""
+    bring(store, line=line)
+    for task, until_ns in (("learn", FAULT_NS), ("analyse", END_NS), ("update", END_NS)):
+        asked = HistoryTask(t_ns=0, task=task, until_ns=until_ns)  # type: ignore[arg-type]  # one of them
+        store.keep(HistoryWork(store, line).do(asked, until_ns + DAY_NS)[1])
+    return [all_rows(store, StoreQuestion(t_ns=0, about=about)) for about in ("models", "model_parts", "reanalysed")]
+
+
+def test_models_and_what_they_find_are_those_of_the_embedded_store_and_lines_stay_apart(
+    servers: tuple[Server, Server], tmp_path: Path
+) -> None:
+    with (
+        cluster(servers, tmp_path / "there", "east") as there,
+        cluster(servers, tmp_path / "other", "west") as other,
+        closing(DuckDbStore(tmp_path / "here")) as here,
+    ):
+        bring(other, READINGS[: len(READINGS) // 2], "west")
+        expected = worked_on(here, "east")
+        assert all(len(rows) >= 2 for rows in expected)
+        assert worked_on(there, "east") == expected
+        # The nodes hold both lines; either analyzer answers about its own alone.
+        assert len(all_rows(there, ALL_RADIO)) == len(READINGS)
+        assert len(all_rows(other, ALL_RADIO)) == len(READINGS) // 2
+        assert all_rows(other, StoreQuestion(t_ns=0, about="models")) == []
+        assert sum(one.n for one in other.learn().sums) < sum(one.n for one in there.learn().sums)
+
+
 def test_a_dead_node_gives_a_partial_answer_that_says_so_and_takes_nothing(
     servers: tuple[Server, Server], tmp_path: Path
 ) -> None:
@@ -108,6 +138,8 @@ def test_a_dead_node_gives_a_partial_answer_that_says_so_and_takes_nothing(
         more = Ingest("demo", store.had()).take(batch(spread(range(COUNT, COUNT + 100)), COUNT + 20), NOW_NS + DAY_NS)
         with pytest.raises(StoreError):
             store.commit(more.commit)
+        with pytest.raises(StoreError, match="nothing is learned from a part"):
+            HistoryWork(store, "demo").do(HistoryTask(t_ns=0, task="learn"), NOW_NS + DAY_NS)
         servers[0].stop()
         with pytest.raises(StoreError, match="does not answer"):
             store.ask(ALL_RADIO, 10.0)
