@@ -68,9 +68,11 @@ def readings_of(one: Pass) -> tuple[list[Reading], Floats]:
     for shape in one.curves:
         heading = heading + angle_rad(shape, u)
     fast_from, fast_to, fast = one.wheel_between
-    middle = 0.5 * (u[1:] + u[:-1])
-    grown = np.where((middle >= fast_from) & (middle <= fast_to), 1.0, 0.0)
+    # Share of each step's way that lies in the stretch, however short that is.
+    inside_m = np.minimum(u[1:], fast_to) - np.maximum(u[:-1], fast_from)
+    grown = np.clip(inside_m / np.maximum(u[1:] - u[:-1], 1e-9), 0.0, 1.0)
     if one.wheel_grows_m:
+        middle = 0.5 * (u[1:] + u[:-1])
         grown = np.clip(np.minimum(middle - fast_from, fast_to - middle) / one.wheel_grows_m, 0.0, 1.0)
     ratio = one.wheel_scale * (1.0 + (fast - 1.0) * grown)
     distance = np.concatenate([[0.0], np.cumsum(np.diff(u) * ratio)])

@@ -61,7 +61,7 @@ class SampleMaker:
         self._window_s = window_s
         self._lowest_mps = lowest_speed_mps
         self._longest_s = longest_step_s
-        self._leap_mps = leap_mps2 * LEAP_S
+        self._leap_mps2 = leap_mps2
         self._leap_until_s = -math.inf
         self._past: deque[Reading] = deque()
         self._gap_until_s = -math.inf
@@ -79,15 +79,22 @@ class SampleMaker:
             past.clear()
         if reading.slip:
             self._slip_until_s = reading.t_s + self._window_s
-        if any(
-            reading.t_s - one.t_s <= LEAP_S + 1e-9 and abs(reading.speed_mps - one.speed_mps) > self._leap_mps
-            for one in past
-        ):
+        if self._leaps(reading):
             self._leap_until_s = reading.t_s + self._window_s
         past.append(reading)
         while past[0].t_s < reading.t_s - KEPT_S:
             past.popleft()
         return self._sample(reading)
+
+    def _leaps(self, now: Reading) -> bool:
+        """Whether the speed has changed faster than a train's, over any time up to half a second."""
+        for one in reversed(self._past):
+            dt_s = now.t_s - one.t_s
+            if dt_s > LEAP_S + 1e-9:
+                return False
+            if abs(now.speed_mps - one.speed_mps) > self._leap_mps2 * dt_s:
+                return True
+        return False
 
     def _sample(self, now: Reading) -> Sample:
         begin_m = self._distance_at(now.t_s - self._window_s)

@@ -12,7 +12,7 @@ REASONS = {
     "opposite hand": {"sign"},
     "straight branch": {"no curve"},
     "length x 1.4": {"length"},
-    "slip in the window": {"slip"},
+    "slip in the window": {"slip", "leap"},
     "speed below 10 km/h": {"low speed"},
     "twin within the window": {"twin"},
 }
