@@ -147,6 +147,15 @@ class Deduplication:
         fresh, touched = self._sieve(records)
         return self._judgement(tuple(fresh), len(records) - len(fresh), 0, touched)
 
+    def newest(self, key: str, source: str, boot_id: str) -> int:
+        """Newest number had of a stream; -1 for none."""
+        spans = self._spans.get(_SEPARATOR.join((key, source, boot_id)))
+        return spans.lasts[-1] if spans and spans.lasts else -1
+
+    def __bool__(self) -> bool:
+        """Whether anything was ever had."""
+        return bool(self._spans)
+
     def apply(self, judgement: Judgement) -> None:
         """Remember a judgement whose transaction has been committed."""
         for name, spans in judgement.touched.items():

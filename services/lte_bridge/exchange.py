@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from schemas.bridge import BridgeAcknowledgement, BridgeBatch
+from services.lte_bridge.cutting import Cut
 from services.lte_bridge.lane import LANES, Lane
 
 
@@ -47,6 +48,20 @@ def fault_of(batch: BridgeBatch, answer: BridgeAcknowledgement) -> str | None:
     if answer.through < batch.first:
         return f"the far end acknowledged up to {answer.through}, less than the batch from {batch.first} on"
     return None
+
+
+def batch_of(cut: Cut, bridge: str, lane: Lane, dropped: int, t_ns: int) -> BridgeBatch:
+    """What goes to the far end."""
+    return BridgeBatch(
+        t_ns=t_ns,
+        bridge=bridge,
+        lane=lane,
+        spool_id=cut.spool_id,
+        first=cut.first,
+        count=cut.count,
+        compressed=cut.compressed,
+        dropped=dropped,
+    )
 
 
 def acknowledgement_of(

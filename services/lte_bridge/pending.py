@@ -34,6 +34,11 @@ class Pending:
         self._bytes += size
         return True
 
+    @property
+    def crowded(self) -> bool:
+        """A quarter full: what can wait elsewhere should."""
+        return 4 * self._bytes > self.limit_bytes
+
     def taken(self, count: int, dropped: dict[Lane, int]) -> None:
         """Let go of the first `count` records and of the drops that are durable, or counted, now."""
         del self.records[:count]

@@ -13,11 +13,11 @@ from pathlib import Path
 from schemas.bridge import BridgeAcknowledgement, BridgeBatch, BridgedRecord, Document
 from schemas.codec import DecodeError, decode
 from schemas.topic import Place, TopicError
-from schemas.topics import BRIDGE_STATUS, DOCUMENT, INGEST, topic_of
+from schemas.topics import BRIDGE_STATUS, DOCUMENT, INGEST, RETAINED, topic_of
 from services.lte_bridge.batch import CHUNK_RECORDS, BatchError
 from services.lte_bridge.cutting import Cut
 from services.lte_bridge.document_store import DocumentError, keep
-from services.lte_bridge.exchange import Turns, acknowledgement_of, fault_of
+from services.lte_bridge.exchange import Turns, acknowledgement_of, batch_of, fault_of
 from services.lte_bridge.introduction import Introductions
 from services.lte_bridge.journal_store import Journal, JournalFaultError, Unsaid
 from services.lte_bridge.lane import KEPT, LANES, Lane, lane_of
@@ -26,6 +26,8 @@ from services.lte_bridge.pending import Pending
 from services.lte_bridge.settings import Far, Settings
 from services.lte_bridge.spool_store import Spool, SpoolFaultError
 from services.lte_bridge.telling import Progress, counts
+from services.runtime.catching_up import CatchingUp
+from services.runtime.continuity import Continuity
 from services.runtime.host_config import BusConfig
 from services.runtime.node import Node, Sample, Service
 from services.runtime.question import NoAnswerError, RefusedError
@@ -112,31 +114,36 @@ class Sender:
 
     async def take(self, taken: list[AsyncIterator[Sample]]) -> None:
         """Everything that is heard to the disk, until the node stops."""
+        continuity = Continuity(self.spool.newest_heard, told=not self.spool.new)
+        wants = partial(self.config.takes_key, self.node.place)
+        reader = CatchingUp(self.node, continuity, wants, self._collect, self._room)
         async with asyncio.TaskGroup() as tasks:
             storing = tasks.create_task(self._store(), name="store")
-            async with asyncio.TaskGroup() as readers:
-                for samples in taken:
-                    readers.create_task(self._collect(samples))
+            await reader.run(taken)
             storing.cancel()
         with suppress(SpoolFaultError):
             await self._put()
         if self.pending.records:
             self.node.health.count("unspooled", len(self.pending.records))
 
-    async def _collect(self, samples: AsyncIterator[Sample]) -> None:
-        async for sample in samples:
-            self.node.health.received += 1
-            lane = lane_of(sample.key)
-            if lane is None:
-                self.node.health.count("passed_over")
-                continue
-            record = BridgedRecord(
-                key=sample.key, payload=sample.payload, attachment=sample.attachment, heard_ns=sample.received_ns
-            )
-            self.pending.add(lane, record)
-            self._some.set()
-            if len(self.pending.records) >= CHUNK_RECORDS:
-                self._many.set()
+    def _collect(self, sample: Sample) -> None:
+        self.node.health.received += 1
+        lane = lane_of(sample.key)
+        if lane is None:
+            self.node.health.count("passed_over")
+            return
+        record = BridgedRecord(
+            key=sample.key, payload=sample.payload, attachment=sample.attachment, heard_ns=sample.received_ns
+        )
+        self.pending.add(lane, record)
+        self._some.set()
+        if len(self.pending.records) >= CHUNK_RECORDS:
+            self._many.set()
+
+    async def _room(self) -> None:
+        """Return when more may come at once."""
+        while self.pending.crowded:
+            await self._changed.wait()
 
     async def _store(self) -> None:
         while True:
@@ -199,16 +206,8 @@ class Sender:
     async def _send_cut(self, lane: Lane, link: Node, cut: Cut) -> float:
         """One batch to the far end, and what its answer says; how long to pause then [s]."""
         clock, pace = self.node.clock, self.paces[lane]
-        batch = BridgeBatch(
-            t_ns=clock.now_ns(),
-            bridge=f"{self.node.place}/{self.node.instance}",
-            lane=lane,
-            spool_id=cut.spool_id,
-            first=cut.first,
-            count=cut.count,
-            compressed=cut.compressed,
-            dropped=self.spool.dropped(lane),
-        )
+        bridge = f"{self.node.place}/{self.node.instance}"
+        batch = batch_of(cut, bridge, lane, self.spool.dropped(lane), clock.now_ns())
         self.turns.goes(lane, cut.last)
         self._wake()
         began_s = clock.monotonic_s()
@@ -345,6 +344,6 @@ SERVICE = Service(
     run=run,
     about="keeps what must reach the cloud on disk until it has, and says again what the cloud sends",
     answers=(INGEST,),
-    asks=(INGEST,),
+    asks=(INGEST, RETAINED),
     mirrors=True,
 )

@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from schemas.topic import Place, PlaceKind
+from schemas.message import Message
+from schemas.topic import Place, PlaceKind, Topic
+from schemas.topics import topic_of
 from services.lte_bridge.lane import KEPT
 
 KeyName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.@+-]{0,63}$")]
@@ -69,9 +71,23 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             msg = "a bridge without `far` sends nothing; let it receive, at least (receives = true)"
             raise ValueError(msg)
 
+    def takes_key(self, place: Place, key: str) -> bool:
+        """Whether a key is taken on the router of `place`."""
+        address = topic_of(key)
+        return (
+            address is not None
+            and not address.mirrored
+            and address.topic in self._chosen
+            and (self.takes == "all" or address.place == place)
+        )
+
+    @property
+    def _chosen(self) -> list[Topic[Message]]:
+        return [topic for topic in KEPT if not self.topics or topic.name in self.topics]
+
     def expressions(self, place: Place) -> list[str]:
         """Key expressions of what is taken on the router of `place`."""
-        chosen = [topic for topic in KEPT if not self.topics or topic.name in self.topics]
+        chosen = self._chosen
         if self.takes == "all":
             return [topic.anywhere(place.line) for topic in chosen]
         kinds = ("{kind}", place.kind)

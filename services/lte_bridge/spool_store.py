@@ -152,6 +152,15 @@ class Spool:
         """Number of the newest record of each lane; -1 before the first. Never waits."""
         return {lane: totals.next - 1 for lane, totals in self._lanes.items()}
 
+    def newest_heard(self, key: str, source: str, boot_id: str) -> int:
+        """Newest number ever taken of a stream; -1 for none. Never waits."""
+        return self._memory.newest(key, source, boot_id)
+
+    @property
+    def new(self) -> bool:
+        """Nothing has ever been taken."""
+        return not self._memory
+
     def waiting(self) -> dict[Lane, int]:
         """Records of each lane that wait. Never waits itself."""
         return {lane: totals.records for lane, totals in self._lanes.items()}

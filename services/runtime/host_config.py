@@ -42,6 +42,10 @@ class BusConfig(Settings, frozen=True, kw_only=True):
     """A silent link is given up after this."""
     config_file: str | None = None
     """Zenoh's own configuration (JSON5) to start from: TLS, certificates."""
+    retain_s: Annotated[float, Meta(ge=0.0, le=86_400.0)] = 600.0
+    """What must reach the cloud is kept in its sender's memory this long, for a bridge that was away …"""
+    retain_mb: Annotated[float, Meta(ge=0.0, le=10_000.0)] = 64.0
+    """… up to this per service."""
 
 
 class RouterConfig(Settings, frozen=True, kw_only=True):

@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from schemas.codec import encode
 from schemas.message import Message
+from schemas.retention import RetainedQuestion
 from schemas.topic import Delivery, Place, Query, Topic, TopicError, TopicTable, mirrored_key
 from schemas.topics import TABLE
 from services.runtime.attachment import Attachment, encode_attachment
@@ -26,6 +27,7 @@ from services.runtime.inbox import DEFAULT_CAPACITY, Inbox
 from services.runtime.key_expression import intersects
 from services.runtime.node import Node, Sample, Service
 from services.runtime.question import Question, answer_of
+from services.runtime.retention import Retention
 
 T = TypeVar("T")
 EVENT_CACHE = 1000
@@ -51,6 +53,10 @@ class MemoryBus:
         """Questions by the key at which somebody answers."""
         self.others: dict[str, MemoryBus] = {}
         """Buses of other routers by endpoint, for `Node.elsewhere`."""
+        self.alive: set[str] = set()
+        """Sources of nodes that have not been stopped."""
+        self.retentions: dict[str, Retention] = {}
+        """What nodes keep, by source."""
         self.cut = False
         """Questions get no answer, as over a link that swallows everything."""
 
@@ -128,6 +134,8 @@ class MemoryNode:
         self._inboxes: list[Inbox] = []
         self._answering: list[str] = []
         self._others: list[MemoryNode] = []
+        self._retention = Retention(self.boot_id, BusConfig().retain_s, round(1e6 * BusConfig().retain_mb))
+        bus.alive.add(self.source)
 
     async def publish(self, topic: Topic[Any], message: Message, **fields: str) -> None:
         """Put a message on its key; see `Node.publish`."""
@@ -155,6 +163,9 @@ class MemoryNode:
         now_ns = self.clock.now_ns()
         attachment = encode_attachment(Attachment(self.source, self.boot_id, sequence, now_ns))
         self.health.published += 1
+        if delivery is Delivery.KEPT:
+            self._bus.retentions.setdefault(self.source, self._retention)
+            self._retention.keep(key, sequence, payload, attachment, self.clock.monotonic_s())
         self._bus.publish(Sample(key, payload, attachment, now_ns), delivery)
 
     async def publish_mirrored(self, sample: Sample) -> None:
@@ -195,6 +206,10 @@ class MemoryNode:
         """Answer of whoever answers; see `Node.ask`."""
         self._service.require_ask(query)
         key = query.at(place, **fields)
+        if isinstance(request, RetainedQuestion):
+            retention = self._bus.retentions.get(f"{place}/{fields['service']}")
+            if retention is not None:
+                return retention.answer(request, self.clock.monotonic_s(), self.clock.now_ns())
         if key not in self._bus.asked and not self._bus.cut:
             return answer_of(query, key, None, refused=False)
         first: asyncio.Future[tuple[bytes, bool]] = asyncio.get_running_loop().create_future()
@@ -207,6 +222,10 @@ class MemoryNode:
             return answer_of(query, key, None, refused=False)
         # The answer may have been on its way when the link went.
         return answer_of(query, key, None if self._bus.cut else payload, refused=refused)
+
+    async def services_alive(self, line: str = "*") -> set[str]:
+        """Services that live now; see `Node.services_alive`."""
+        return {source for source in self._bus.alive if line in ("*", source.split("/", 1)[0])}
 
     @asynccontextmanager
     async def elsewhere(self, bus: BusConfig) -> AsyncIterator[Node]:
@@ -267,6 +286,8 @@ class MemoryNode:
     def stop(self) -> None:
         """Ask the service to finish: its readers end after what is queued."""
         self._stop.set()
+        self._bus.alive.discard(self.source)
+        self._bus.retentions.pop(self.source, None)
         for inbox in self._inboxes:
             self._bus.unsubscribe(inbox)
             inbox.close()

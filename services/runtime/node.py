@@ -146,6 +146,9 @@ class Node(Protocol):
     async def ask(self, query: Query[Q, R], place: Place, request: Q, *, timeout_s: float, **fields: str) -> R:
         """Answer of whoever answers `query` at `place`. Raises NoAnswerError, RefusedError."""
 
+    async def services_alive(self, line: str = "*") -> set[str]:
+        """Services that live now on this bus, as `source` stands in attachments."""
+
     def elsewhere(self, bus: BusConfig) -> AbstractAsyncContextManager[Node]:
         """Access of the same service to another router, as soon as one answers there; health stays the same."""
 

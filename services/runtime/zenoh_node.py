@@ -6,16 +6,16 @@ import asyncio
 import secrets
 import threading
 from collections.abc import AsyncIterator, Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from typing import Any, Self, TypeVar
 
 import zenoh
 
 from schemas.codec import encode
 from schemas.message import Message
-from schemas.topic import Delivery, Place, Query, Topic, TopicError, mirrored_key
-from schemas.topics import TABLE
+from schemas.topic import Delivery, Place, Query, Topic, mirrored_key
+from schemas.topics import RETAINED, TABLE, topic_at
 from services.runtime.alive import AliveChange, Token, tokens_anywhere
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import Clock
@@ -24,8 +24,9 @@ from services.runtime.host_config import BusConfig
 from services.runtime.inbox import DEFAULT_CAPACITY, Inbox
 from services.runtime.node import Node, Sample, Service
 from services.runtime.question import Question, answer_of
+from services.runtime.retention import Retention
 from services.runtime.zenoh_liveliness import AliveWatch, IdentityTakenError, claim, services_alive
-from services.runtime.zenoh_publishers import NodeClosedError, Outlet, Sender, declare
+from services.runtime.zenoh_publishers import Outlet, Outlets
 from services.runtime.zenoh_queries import Asker, Queryable
 from services.runtime.zenoh_session import close_session, open_session
 from services.runtime.zenoh_subscriptions import Subscription
@@ -66,15 +67,16 @@ class ZenohNode:
         self.health = HealthBoard(instance, boot_id, clock.monotonic_s())
         self._ready = asyncio.Event()
         self._stop = asyncio.Event()
-        self._declaring = asyncio.Lock()
-        self._declarer = ThreadPoolExecutor(1, thread_name_prefix=f"{instance}-declare")
-        self._outlets: dict[tuple[Topic[Any], tuple[tuple[str, str], ...]], Outlet] = {}
-        self._outlets_by_key: dict[str, Outlet] = {}
-        self._sender = Sender(instance, self._note_unsent)
+        self._outlets = Outlets(session, instance, partial(Outlet, self.source, boot_id, clock), self._note_unsent)
+        self._known: dict[tuple[Topic[Any], tuple[tuple[str, str], ...]], Outlet] = {}
+        self._retention = Retention(boot_id, bus.retain_s, round(1e6 * bus.retain_mb))
+        self._retaining: asyncio.Task[None] | None = None
         self._inboxes: list[Inbox] = []
         self._subscriptions: list[Subscription] = []
         self._watches: list[AliveWatch] = []
         self._queryables: list[Queryable] = []
+        self._closing: list[Queryable] = []
+        """Those that answer until the end."""
         self._others: list[ZenohNode] = []
         self._asker = Asker(session, instance)
         self._closed = False
@@ -114,11 +116,11 @@ class ZenohNode:
 
         The first publication on a key declares it, in a thread. Raises NodeClosedError after `close`.
         """
-        outlet = self._outlets.get((topic, tuple(fields.items())))
+        outlet = self._known.get((topic, tuple(fields.items())))
         if outlet is None:
             self._service.require_write(topic)
-            outlet = await self._declare(topic, topic.at(self.place, **fields))
-            self._outlets[topic, tuple(fields.items())] = outlet
+            outlet = await self._outlet(topic, topic.at(self.place, **fields))
+            self._known[topic, tuple(fields.items())] = outlet
         if type(message) is not outlet.message:
             msg = f"{topic.template} carries {topic.schema_name}, not {type(message).__name__}"
             raise TypeError(msg)
@@ -130,48 +132,45 @@ class ZenohNode:
         Raises UndeclaredTopicError, TopicError when no topic has the key, and NodeClosedError
         after `close`.
         """
-        outlet = await self._outlet_at(key, self._service.require_write)
+        outlet = self._outlets.known(key)
+        if outlet is None:
+            topic = topic_at(key)
+            self._service.require_write(topic)
+            outlet = await self._outlet(topic, key)
         await self._send(outlet, payload)
 
-    async def _send(self, outlet: Outlet, payload: bytes, attachment: bytes | None = None) -> None:
+    async def _outlet(self, topic: Topic[Any], key: str) -> Outlet:
+        if topic.delivery is Delivery.KEPT and self._retaining is None:
+            self._retaining = asyncio.create_task(self._answer_retained(), name="retained")
+        return await self._outlets.at(topic, key)
+
+    async def _send(self, outlet: Outlet, payload: bytes) -> None:
         self.health.published += 1
-        if outlet.waits:
-            await self._sender.send(outlet, payload, attachment)
-        else:
-            outlet.put(payload, outlet.mark() if attachment is None else attachment)
+        if not outlet.waits:
+            outlet.put(payload, outlet.mark())
+            return
+        mark = await self._outlets.send(outlet, payload)
+        if outlet.kept:
+            self._retention.keep(outlet.key, outlet.sequence - 1, payload, mark, self.clock.monotonic_s())
 
-    async def _outlet_at(self, key: str, require: Callable[[Topic[Any]], None]) -> Outlet:
-        outlet = self._outlets_by_key.get(key)
-        if outlet is None:
-            address = TABLE.find(key)
-            if address is None:
-                msg = f"no topic has the key {key}"
-                raise TopicError(msg)
-            require(address.topic)
-            outlet = await self._declare(address.topic, key)
-        return outlet
-
-    async def _declare(self, topic: Topic[Any], key: str) -> Outlet:
-        if self._closed:
-            msg = f"nothing more goes out on {key}: the node of {self.source} is closed"
-            raise NodeClosedError(msg)
-        async with self._declaring:
-            outlet = self._outlets_by_key.get(key)
-            if outlet is None:
-                # A thread of its own: those of `in_thread` may all be busy with the service's work.
-                publisher = await asyncio.get_running_loop().run_in_executor(
-                    self._declarer, declare, self._session, topic, key
-                )
-                outlet = Outlet(publisher, topic, key, self.source, self.boot_id, self.clock)
-                self._outlets_by_key[key] = outlet
-        return outlet
+    async def _answer_retained(self) -> None:
+        """Say what is still kept to whoever has missed it, until closed."""
+        queryable = Queryable(self._session, RETAINED, RETAINED.at(self.place, service=self.instance), self.health)
+        self._closing.append(queryable)
+        async for question in queryable.questions():
+            answer = self._retention.answer(question.request, self.clock.monotonic_s(), self.clock.now_ns())
+            await question.answer(answer)
 
     async def publish_mirrored(self, sample: Sample) -> None:
         """Say a bridged publication again; see `Node.publish_mirrored`."""
         self._service.require_mirror()
         key = mirrored_key(sample.key)
-        outlet = await self._outlet_at(key, lambda _topic: None)
-        await self._send(outlet, sample.payload, sample.attachment)
+        outlet = self._outlets.known(key) or await self._outlets.at(topic_at(key), key)
+        self.health.published += 1
+        if outlet.waits:
+            await self._outlets.send(outlet, sample.payload, sample.attachment)
+        else:
+            outlet.put(sample.payload, sample.attachment)
 
     def questions(self, query: Query[Any, Any], **fields: str) -> AsyncIterator[Question[Any, Any]]:
         """Questions put to this service; see `Node.questions`."""
@@ -320,10 +319,10 @@ class ZenohNode:
             return 0
         self._closed = True
         self.stop()
-        self._outlets.clear()
-        self._outlets_by_key.clear()
-        self._sender.refuse_more()
-        self._declarer.shutdown(wait=False, cancel_futures=True)
+        self._known.clear()
+        self._outlets.refuse_more()
+        if self._retaining is not None:
+            self._retaining.cancel()
         self._asker.close()
         unsent = 0
         done = asyncio.Event()
@@ -331,8 +330,8 @@ class ZenohNode:
 
         def end() -> None:
             nonlocal unsent
-            unsent = self._sender.finish(FLUSH_S)
-            for queryable in self._queryables:
+            unsent = self._outlets.finish(FLUSH_S)
+            for queryable in (*self._queryables, *self._closing):
                 queryable.close()
             for subscription in self._subscriptions:
                 subscription.close(CLOSE_S)

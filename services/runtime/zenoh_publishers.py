@@ -6,6 +6,7 @@ import asyncio
 import queue
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Protocol
 
@@ -39,15 +40,16 @@ class ZenohPublisher(Protocol):
 class Outlet:
     """One key of one service, ready to be published on. Used from the loop's thread."""
 
-    __slots__ = ("_boot_id", "_clock", "_publisher", "_source", "key", "message", "sequence", "waits")
+    __slots__ = ("_boot_id", "_clock", "_publisher", "_source", "kept", "key", "message", "sequence", "waits")
 
     def __init__(
-        self, publisher: ZenohPublisher, topic: Topic[Message], key: str, source: str, boot_id: str, clock: Clock
+        self, source: str, boot_id: str, clock: Clock, publisher: ZenohPublisher, topic: Topic[Message], key: str
     ) -> None:
         """Start counting at 0."""
         self.key = key
         self.message = topic.message
-        self.waits = topic.delivery in (Delivery.EVENT, Delivery.KEPT)
+        self.kept = topic.delivery is Delivery.KEPT
+        self.waits = self.kept or topic.delivery is Delivery.EVENT
         self.sequence = 0
         self._publisher = publisher
         self._source = source
@@ -117,10 +119,11 @@ class Sender:
         self._thread = threading.Thread(target=self._run, name=f"{name}-sender", daemon=True)
         self._thread.start()
 
-    async def send(self, outlet: Outlet, payload: bytes, attachment: bytes | None = None) -> None:
+    async def send(self, outlet: Outlet, payload: bytes, attachment: bytes | None = None) -> bytes:
         """Queue one publication; waits while the queue is full. Publications of one key keep their order.
 
-        Marked as the outlet's next unless it comes with an attachment of its own.
+        Marked as the outlet's next unless it comes with an attachment of its own; returns the attachment,
+        without giving up its turn between the two.
 
         Raises NodeClosedError once the node is being closed.
         """
@@ -132,7 +135,9 @@ class Sender:
         if self._finishing:
             msg = f"nothing more goes out on {outlet.key}: the node is closed"
             raise NodeClosedError(msg)
-        self._queue.put((outlet, payload, outlet.mark() if attachment is None else attachment))
+        mark = outlet.mark() if attachment is None else attachment
+        self._queue.put((outlet, payload, mark))
+        return mark
 
     def refuse_more(self) -> None:
         """Let everyone who waits in `send`, or will, have NodeClosedError. On the loop, before `finish`."""
@@ -164,3 +169,52 @@ class Sender:
             self._loop.call_soon_threadsafe(function)
         except RuntimeError:  # the loop has ended; nobody waits any more
             self._abandoned = True
+
+
+class Outlets:
+    """Every key of one service, declared when it is first used."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        name: str,
+        make: Callable[[ZenohPublisher, Topic[Message], str], Outlet],
+        on_failure: Callable[[str], None],
+    ) -> None:
+        """Declare nothing yet. `on_failure` hears, on the running loop, what could not be sent and why."""
+        self._session = session
+        self._name = name
+        self._make = make
+        self._sender = Sender(name, on_failure)
+        self._declaring = asyncio.Lock()
+        # A thread of its own: those of `in_thread` may all be busy with the service's work.
+        self._declarer = ThreadPoolExecutor(1, thread_name_prefix=f"{name}-declare")
+        self._by_key: dict[str, Outlet] = {}
+        self._closed = False
+        self.known = self._by_key.get
+        """Outlet of a key that has been declared."""
+        self.send = self._sender.send
+
+    async def at(self, topic: Topic[Message], key: str) -> Outlet:
+        """Outlet of a key. Raises NodeClosedError."""
+        if self._closed:
+            msg = f"nothing more goes out on {key}: the node of {self._name} is closed"
+            raise NodeClosedError(msg)
+        async with self._declaring:
+            outlet = self._by_key.get(key)
+            if outlet is None:
+                loop = asyncio.get_running_loop()
+                publisher = await loop.run_in_executor(self._declarer, declare, self._session, topic, key)
+                outlet = self._by_key[key] = self._make(publisher, topic, key)
+        return outlet
+
+    def refuse_more(self) -> None:
+        """Take no more publications. On the loop, before `finish`."""
+        self._closed = True
+        self._by_key.clear()
+        self._sender.refuse_more()
+        self._declarer.shutdown(wait=False, cancel_futures=True)
+
+    def finish(self, timeout_s: float) -> int:
+        """See `Sender.finish`."""
+        return self._sender.finish(timeout_s)
