@@ -9,9 +9,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from schemas.bridge import StoreQuestion
+from schemas.bridge import HistoryTask, StoreAnswer, StoreQuestion
+from schemas.codec import MAX_MESSAGE_BYTES, encode
 from schemas.topic import Place
-from schemas.topics import INGEST, RADIO_MEASUREMENT, SERVICE_EVENT, STORE
+from schemas.topics import HISTORY_TASK, INGEST, RADIO_MEASUREMENT, SERVICE_EVENT, STORE
 from services.cloud_analyzer.duckdb_store import DuckDbStore
 from services.cloud_analyzer.ingest import Ingest
 from services.cloud_analyzer.service import SERVICE, Config
@@ -19,10 +20,12 @@ from services.runtime.clock import ManualClock
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
 from services.runtime.node import Node, Service
-from services.runtime.question import RefusedError
-from tests.unit.cloud_analyzer.batches import DAY_NS, NOW_NS, batch, measurement, service_event
+from services.runtime.question import NoAnswerError, RefusedError
+from tests.unit.cloud_analyzer.batches import DAY_NS, NOW_NS, STEP_NS, batch, measurement, service_event
+from tests.unit.cloud_analyzer.radio_days import END_NS, FAULT_NS, bring
 
 CLOUD = Place("demo", "cloud", "C1")
+HOUR_NS = 3_600_000_000_000
 
 
 class NoConfig(msgspec.Struct, frozen=True):
@@ -34,15 +37,26 @@ async def _idle(node: Node, config: NoConfig) -> None:
 
 
 ASKER = Service(
-    "asker", NoConfig, (RADIO_MEASUREMENT, SERVICE_EVENT), (), _idle, "asks and listens", asks=(INGEST, STORE)
+    "asker",
+    NoConfig,
+    (RADIO_MEASUREMENT, SERVICE_EVENT),
+    (),
+    _idle,
+    "asks and listens",
+    asks=(INGEST, STORE, HISTORY_TASK),
 )
 
 
-def with_analyzer(folder: Path, test: Callable[[MemoryNode, MemoryNode], Awaitable[None]], **config: object) -> None:
+def with_analyzer(
+    folder: Path,
+    test: Callable[[MemoryNode, MemoryNode], Awaitable[None]],
+    now_ns: int = NOW_NS + DAY_NS,
+    **config: object,
+) -> None:
     """Run `test` with an asker beside an analyzer that is ready."""
 
     async def main() -> None:
-        clock = ManualClock(asyncio.get_running_loop(), NOW_NS + DAY_NS)
+        clock = ManualClock(asyncio.get_running_loop(), now_ns)
         bus = MemoryBus()
         node, asker = MemoryNode(bus, SERVICE, CLOUD, clock), MemoryNode(bus, ASKER, CLOUD, clock)
         settings = msgspec.convert({"folder": str(folder), **config}, Config)
@@ -110,3 +124,127 @@ def test_what_was_committed_before_a_crash_is_said_again_after_it(tmp_path: Path
         assert node.health.published == 4
 
     with_analyzer(tmp_path, test)
+
+
+async def asked(asker: MemoryNode, about: str, **fields: object) -> list[dict[str, object]]:
+    """All rows of an answer, page by page."""
+    rows: list[dict[str, object]] = []
+    page = ""
+    while True:
+        question = msgspec.convert({"t_ns": 0, "about": about, "page": page, **fields}, StoreQuestion)
+        answer: StoreAnswer = await asker.ask(STORE, CLOUD, question, timeout_s=5.0, shard="all")
+        assert len(encode(answer)) <= MAX_MESSAGE_BYTES
+        rows += [dict(zip(answer.columns, row, strict=True)) for row in answer.rows]
+        if not answer.next_page:
+            return rows
+        page = answer.next_page
+
+
+def test_pages_are_cut_to_what_a_message_carries(tmp_path: Path) -> None:
+    """Asked for more rows at once than fit, a page gives as many as do and goes on behind them."""
+
+    async def test(_: MemoryNode, asker: MemoryNode) -> None:
+        records = [service_event(n, "x" * 900) for n in range(3000)]
+        await asker.ask(INGEST, CLOUD, batch(records), timeout_s=5.0, shard="all")
+        assert len(encode(batch(records))) < MAX_MESSAGE_BYTES < 3000 * 900
+        rows = await asked(asker, "events", limit=50_000)
+        assert [row["sequence"] for row in rows] == list(range(3000))
+        huge = [service_event(3000, "y" * MAX_MESSAGE_BYTES)]
+        await asker.ask(INGEST, CLOUD, batch(huge, 3000), timeout_s=5.0, shard="all")
+        with pytest.raises(RefusedError, match="larger than a message"):
+            await asked(asker, "events", from_ns=NOW_NS + 3000 * STEP_NS)
+
+    with_analyzer(tmp_path, test)
+
+
+def test_the_history_is_learned_and_analysed_when_asked(tmp_path: Path) -> None:
+    store = DuckDbStore(tmp_path)
+    bring(store)
+    store.close()
+
+    async def test(node: MemoryNode, asker: MemoryNode) -> None:
+        async def done(**task: object) -> tuple[str, int]:
+            request = msgspec.convert({"t_ns": 0, **task}, HistoryTask)
+            answer = await asker.ask(HISTORY_TASK, CLOUD, request, timeout_s=5.0, shard="all")
+            return answer.model, answer.events
+
+        with pytest.raises(RefusedError, match="learn one first"):
+            await done(task="analyse")
+        version, _ = await done(task="learn", until_ns=FAULT_NS)
+        assert [row["version"] for row in await asked(asker, "models")] == [version]
+        again, events = await done(task="analyse", from_ns=FAULT_NS)
+        assert again == version
+        found = await asked(asker, "reanalysed", model=version)
+        assert len(found) == events > 0
+        assert {row["model"] for row in found} == {version}
+        with pytest.raises(RefusedError, match="no model nonsense"):
+            await done(task="analyse", model="nonsense")
+        assert node.health.counts["tasks_refused"] == 2
+
+    with_analyzer(tmp_path, test, END_NS + DAY_NS, learn_at_hour_utc=None)
+
+
+def test_whole_days_are_learned_at_their_hour_and_after_a_start_that_comes_later(tmp_path: Path) -> None:
+    store = DuckDbStore(tmp_path)
+    bring(store)
+    store.close()
+    half_an_hour_before_midnight_ns = FAULT_NS + DAY_NS - HOUR_NS // 2
+
+    async def test(node: MemoryNode, asker: MemoryNode) -> None:
+        async def known() -> list[tuple[object, object]]:
+            return [(row["through_ns"], row["passes"]) for row in await asked(asker, "models")]
+
+        # Its hour went by before it was started: it learns at once.
+        assert await known() == [(FAULT_NS, 12)]
+        await asyncio.sleep(2.4 * 3600.0)
+        assert len(await known()) == 1
+        await asyncio.sleep(0.2 * 3600.0)
+        assert await known() == [(FAULT_NS, 12), (FAULT_NS + DAY_NS, 14)]
+        found = await asked(asker, "reanalysed")
+        assert {row["kind"] for row in found if row["confirmed"]} == {"below"}
+        assert {row["model"] for row in found} == {(await asked(asker, "models"))[0]["version"]}
+        assert node.health.counts["models"] == 2
+
+    with_analyzer(tmp_path, test, half_an_hour_before_midnight_ns, learn_at_hour_utc=2, learn_after_days=0)
+
+
+def test_lines_have_one_analyzer_each_and_what_nobody_takes_stays_with_its_bridge(tmp_path: Path) -> None:
+    """Two lines beside each other: no row in both, none in neither; a line without an analyzer is not answered."""
+    lines = ("east", "west", "south")
+    clouds = {line: Place(line, "cloud", "C1") for line in lines}
+
+    async def main() -> None:
+        clock, bus = ManualClock(asyncio.get_running_loop(), NOW_NS + DAY_NS), MemoryBus()
+        asker = MemoryNode(bus, ASKER, CLOUD, clock)
+        nodes = {line: MemoryNode(bus, SERVICE, clouds[line], clock) for line in lines[:2]}
+        running = [
+            asyncio.create_task(node.run(msgspec.convert({"folder": str(tmp_path / line)}, Config)))
+            for line, node in nodes.items()
+        ]
+        for node in nodes.values():
+            await node.is_ready.wait()
+        unanswered = []
+        for number, line in enumerate(lines * 4):
+            records = [measurement(number, place=Place(line, "train", "T1"))]
+            brought = batch(records, number, bridge=f"{line}/train/T1/lte_bridge")
+            try:
+                await asker.ask(INGEST, clouds[line], brought, timeout_s=5.0, shard="all")
+            except NoAnswerError:
+                unanswered.append(number)
+            for other in nodes.keys() - {line}:
+                with pytest.raises(RefusedError, match=f"no bridge of line {other}"):
+                    await asker.ask(INGEST, clouds[other], brought, timeout_s=5.0, shard="all")
+        kept = {}
+        for line in nodes:
+            question = StoreQuestion(t_ns=0, about="radio")
+            answer = await asker.ask(STORE, clouds[line], question, timeout_s=5.0, shard="all")
+            assert {row[answer.columns.index("line")] for row in answer.rows} == {line}
+            kept[line] = [row[answer.columns.index("sequence")] for row in answer.rows]
+        for node in nodes.values():
+            node.stop()
+        await asyncio.gather(*running)
+        asker.stop()
+        assert kept == {"east": [0, 3, 6, 9], "west": [1, 4, 7, 10]}
+        assert unanswered == [2, 5, 8, 11]
+
+    run_manual(main())

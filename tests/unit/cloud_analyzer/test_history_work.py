@@ -114,6 +114,8 @@ def test_daily_updates_see_every_pass_once_and_find_what_one_analysis_finds(tmp_
             assert one.passes == 2
             versions.append(one.model)
         assert done(store, "update").passes == 0
+        # Days on which nobody drove make no model.
+        assert done(store, "update", END_NS + 3 * DAY_NS).passes == 0
         assert [(row["version"], row["based_on"]) for row in rows(store, "models")] == sorted(
             zip(versions, ["", *versions], strict=False)
         )
