@@ -197,10 +197,10 @@ def numbers_in(path: Path, table: str, key: str) -> list[int]:
     """Sequence numbers of the speaker on a key in a store's own record of them."""
     if not path.exists():
         return []
+    query = f"SELECT state FROM {table} WHERE name LIKE ?"  # noqa: S608 - our own names
     rows: list[tuple[bytes]] = []
-    with closing(sqlite3.connect(path)) as store:
-        with suppress(sqlite3.OperationalError):  # no table yet
-            rows = store.execute(f"SELECT state FROM {table} WHERE name LIKE ?", (f"{key}%speaker%",)).fetchall()  # noqa: S608 - our own names
+    with closing(sqlite3.connect(path)) as store, suppress(sqlite3.OperationalError):  # no table yet
+        rows = store.execute(query, (f"{key}%speaker%",)).fetchall()
     ends = [msgspec.msgpack.decode(state, type=list[int]) for (state,) in rows]
     return [n for one in ends for first, last in zip(one[::2], one[1::2], strict=True) for n in range(first, last + 1)]
 
