@@ -16,12 +16,12 @@ from services.line.geometry_check import axis_problems, curve_problems, gradient
 from services.line.landmark_check import landmark_problems
 from services.line.places_check import place_problems
 from services.line.problem import Problem, error, warning
-from services.line.route import axis_through, branch_chainage, main_chainage
+from services.line.route import axis_through, branch_chainage, main_chainage, turn_at_junction_rad
 
 GAP_M: Final = 1.0
 WIDEST_GAP_M: Final = 20.0
 """A branch whose axis begins further from the main line is that of another place."""
-BACKWARDS_RAD: Final = 0.6
+DIVERGES_RAD: Final = 0.6
 """Turnouts diverge by less than this."""
 SCALE_OFF: Final = 0.05
 """Kilometrage runs no more than so much faster or slower than true metres."""
@@ -94,8 +94,8 @@ def _branch(line: Line, branch: Branch, main: Axis, alignments: dict[str, Alignm
         text = f"begins {gap_m:.1f} m from the main line at axis_m {leaves_m:g}"
         make = error if gap_m > WIDEST_GAP_M else warning
         yield make(f"{path}.axis[0]", text, "let the branch begin on the main line's axis")
-    turned = float(np.arccos(np.clip(main.tangent(leaves_m) @ own.tangent(0.0), -1.0, 1.0)))
-    if turned > BACKWARDS_RAD:
+    turned = turn_at_junction_rad(main, branch)
+    if turned > DIVERGES_RAD:
         yield error(
             f"{path}.axis",
             f"leaves the main line at an angle of {np.degrees(turned):.0f}°",

@@ -1,7 +1,7 @@
 """Reads lines: the JSON line file (schemas/line.py), a CSV polyline (chainage_m, lat_deg, lon_deg, h_ell_m), or a name.
 
-In a CSV polyline two rows at one place are a broken chain: the chainage jumps there. Where no file of that
-name is found, `demo` is the line that comes with Kirotei.
+In a CSV polyline two rows at one place are a broken chain: the chainage jumps there. `demo` is the line that comes
+with Kirotei, whatever lies in the current folder; a file of that name is meant by a path with a folder in it.
 """
 
 from __future__ import annotations
@@ -20,12 +20,22 @@ from schemas.line import Branch, ChainagePoint, Line
 from services.line.axis import Axis, AxisError, axis_of
 from services.line.built_in_file import built_in_line, built_in_names
 from services.line.chainage import Chainage, ChainageError, chainage_of
-from services.line.route import axis_through, branch_axis, branch_chainage, main_chainage
+from services.line.route import (
+    BACKWARDS_RAD,
+    axis_through,
+    branch_axis,
+    branch_chainage,
+    main_chainage,
+    turn_at_junction_rad,
+)
 
 COLUMNS: Final = ("chainage_m", "lat_deg", "lon_deg", "h_ell_m")
 LONGEST_ID: Final = 64
 LARGEST_BYTES: Final = 256_000_000
 """A vertex per metre of a long line has some 50 MB."""
+BACKWARDS: Final = (
+    "the branch leaves towards falling axis_m, and routes rise: turn the line round, or describe the branch as a line"
+)
 
 
 class LineFileError(ValueError):
@@ -83,7 +93,7 @@ def decode_line(path: Path) -> Line:
 
 def _text(path: Path) -> str | None:
     """What stands in a file; None for the name of a line that comes with Kirotei."""
-    if not path.exists() and str(path) in built_in_names():
+    if str(path) in built_in_names():
         return None
     if path.is_dir():
         raise LineFileError(path, "", "a folder, not a line file")
@@ -129,6 +139,8 @@ def _checked(path: Path, line: Line) -> LoadedLine:
         try:
             branch_axis(axis, branch)
             branch_chainage(line, axis, branch)
+            if turn_at_junction_rad(axis, branch) > BACKWARDS_RAD:
+                raise LineFileError(path, f"$.branches[{number}].axis", BACKWARDS)
         except AxisError as error:
             raise LineFileError(path, f"$.branches[{number}].axis[{error.vertex}]", error.text) from error
         except ChainageError as error:

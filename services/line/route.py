@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Final, TypeVar
 
 import msgspec
 import numpy as np
@@ -17,6 +17,8 @@ from services.line.profile import Profile, cant_profile, curvature_profile, grad
 from services.numerics.geodesy import enu_about, geodetic_from_ecef
 
 Floats = NDArray[np.float64]
+BACKWARDS_RAD: Final = np.pi / 2.0
+"""A branch that turns by more where it leaves runs towards falling `axis_m`, which no route does."""
 Stretch = TypeVar("Stretch", Curve, SpeedLimit, Surroundings)
 
 
@@ -81,6 +83,12 @@ def axis_through(vertices: Sequence[Vertex]) -> Axis:
     """Axis through the vertices of a line file. Raises AxisError."""
     lon, lat, height = np.array(vertices, float).T
     return axis_of(lat, lon, height)
+
+
+def turn_at_junction_rad(main: Axis, branch: Branch) -> float:
+    """Angle between the main line, towards rising `axis_m`, and a branch where it leaves."""
+    own = axis_through(branch.axis)
+    return float(np.arccos(np.clip(main.tangent(branch.leaves_axis_m) @ own.tangent(0.0), -1.0, 1.0)))
 
 
 def branch_axis(main: Axis, branch: Branch) -> Axis:

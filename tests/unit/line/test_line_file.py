@@ -61,6 +61,34 @@ def test_what_is_no_line_is_named(tmp_path: Path, text: str, words: str) -> None
     assert str(path) in str(raised.value)
 
 
+def test_a_branch_that_leaves_towards_falling_axis_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "line.json"
+    branch = '{"id": "b", "name": "B", "leaves_axis_m": 111, "side": "left", "axis": [[0.001, 0, 0], [%s, 0.0001, 0]]}'
+    text = '{"id": "a", "name": "A", "axis": [[0, 0, 0], [0.002, 0, 0]], "branches": [%s]}'
+    path.write_text(text % (branch % "0.002"))
+    assert read_line(path).axis.length_m == pytest.approx(222.64, abs=0.01)
+    path.write_text(text % (branch % "0.000"))
+    with pytest.raises(LineFileError, match=r"\$\.branches\[0\]\.axis: the branch leaves towards falling axis_m"):
+        read_line(path)
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_what_lies_in_the_folder_does_not_hide_a_line_that_comes_with_kirotei(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    folder: bool,  # noqa: FBT001 - a case
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "demo"
+    if folder:
+        own.mkdir()
+    else:
+        own.write_text(HEADER + "0,0,0,0\n1,0,0.001,0\n")
+    assert read_line(Path("demo")).axis.length_m > 20_000.0
+    if not folder:
+        assert read_line(own).axis.length_m < 200.0
+
+
 def test_bytes_that_are_no_text_are_named(tmp_path: Path) -> None:
     path = tmp_path / "line.csv"
     path.write_bytes(b"\xff\xfe\x00")
