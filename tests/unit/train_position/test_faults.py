@@ -28,6 +28,9 @@ FAULT_S = 70.0
 RUN_S = 105.0
 SLIP_S = 6.0
 C01_MIDDLE_M = 770.0
+LOCKED_MPS = 30.0
+"""Slip that stops the wheel of any train."""
+SLID_M = 150.0
 
 
 def scenario(**changes: object) -> TrainScenario:
@@ -165,6 +168,24 @@ def test_after_a_restart_in_a_curve_the_bounds_hold_and_a_landmark_confirms(soun
     assert after[0].axis_m is not None
     assert all(one.status == "degraded" for one in after if not confirmed(one, chain, found))
     assert after[-1].status == "valid"
+
+
+def test_a_start_with_locked_wheels_is_told_and_the_bounds_hold(sound: Chain) -> None:
+    chain, _ = befallen(sound, (), 0.0)
+    chain.simulation.faults.switch("slide", now_s=chain.simulation.now_s, magnitude=LOCKED_MPS, seconds=2.0 * SLIP_S)
+    chain.run(2.0)
+    # Nothing is known of before: the wheel stands, and the train does not.
+    found = judge_of("odometry and landmarks", facing="up", balises=False, fixes=False)
+    chain.judges, chain.live = [found], LiveOdometry(chain.odometry, "T1", 2, None)
+    begun = len(chain.truth)
+    chain.run(0.1)
+    chain.tell(known_start(chain, chain.truth[-1].axis_m))
+    chain.run(2.0 * SLIP_S)
+    assert chain.truth[-1].distance_m - chain.truth[begun].distance_m > SLID_M
+    require_true(chain, found)
+    assert found.positions
+    assert {one.status for one in found.positions} == {"degraded"}
+    assert "it may be locked" in found.positions[0].reason
 
 
 def confirmed(position: TrainPosition, chain: Chain, found: Judge) -> bool:
