@@ -82,6 +82,11 @@ class RadioEvent(Message, frozen=True, kw_only=True):
 
     event_id: str
     """The same for every later word about it."""
+    incident_id: str = ""
+    """The same for every event that is one thing, over radios, channels, directions and stretches: what a person is
+    told once. Empty from those who do not put events together."""
+    incident: str = ""
+    """The incident so far in words: cause, from where to where, which radios and channels."""
     phase: Literal["began", "goes_on", "ended"]
     radio: Name
     channel: Name

@@ -45,21 +45,39 @@ class Circumstances(msgspec.Struct, frozen=True, kw_only=True):
     normal_ratio: float | None = None
     """and as learned."""
     strength_db: float | None = None
-    """Decoded power now above the power at which reception fails."""
+    """Decoded power now above the power at which reception fails, where most frames are lost."""
     transmit_db: float | None = None
     """Change of transmit power."""
     radio_share: float = 0.0
     """Of this radio's sections on the pass, those off the same way."""
     radio_sections: int = 0
     other_share: float | None = None
-    """Of the other radios' sections on the pass, those off the same way."""
+    """Of the other radios on the pass, those off the same way."""
     other_radios: int = 0
+    range_passed: int | None = None
+    """Sections of this radio's range that the train was in so far; None where its range does not matter or is not
+    known,"""
+    range_learned: int = 0
+    """of so many."""
+    dead_share: float | None = None
+    """Of this radio's sections and channels on the pass, those without any reception."""
+    louder_share: float = 0.0
+    """Of them, those with more channel power than usual."""
+    elsewhere_sections: int = 0
+    """This radio's sections outside the stretch on the pass,"""
+    elsewhere_share: float = 0.0
+    """and of those the share that falls alike."""
     weather: Weather | None = None
+
+    @property
+    def whole_range(self) -> bool:
+        """Whether the train was in nearly all of the radio's range."""
+        return self.range_passed is not None and self.range_passed >= ALIKE * self.range_learned
 
 
 def cause_of(seen: Circumstances) -> tuple[Cause, str]:
     """The likeliest cause, and the words for it."""
-    for rule in (_transmitter, _interference, _snow, _site, _device):
+    for rule in (_transmitter, _dead, _interference, _snow, _site, _device, _too_early):
         told = rule(seen)
         if told is not None:
             return told
@@ -93,6 +111,23 @@ def _transmitter(seen: Circumstances) -> tuple[Cause, str] | None:
     return "device", f"the transmitter itself reports {seen.transmit_db:+.1f} dB"
 
 
+def _dead(seen: Circumstances) -> tuple[Cause, str] | None:
+    """A radio that is not received anywhere, and in whose place nobody else is louder."""
+    if seen.kind == "above" or seen.at_site or seen.dead_share is None or seen.range_passed is None:
+        return None
+    if seen.dead_share < ALIKE or seen.louder_share > LOUDER_SHARE or seen.range_passed < FEW or not seen.whole_range:
+        return None
+    if seen.other_radios and seen.other_share is not None and seen.other_share >= ALIKE:
+        return "device", "no radio is received anywhere on this pass: the train's own receiver or antenna"
+    return (
+        "device",
+        f"nothing of this radio is received on any channel in the {seen.range_passed} sections of its range",
+    )
+
+
+LOUDER_SHARE: Final = 0.2
+
+
 def _interference(seen: Circumstances) -> tuple[Cause, str] | None:
     lost = (
         seen.received_ratio is not None
@@ -111,15 +146,18 @@ def _interference(seen: Circumstances) -> tuple[Cause, str] | None:
             return "interference", f"the channel carries what is not decoded: {words}{', ' if ratios else ''}{ratios}"
         if seen.kind == "above" and not lost:
             return "unknown", f"the wanted signal itself is stronger ({seen.decoded_db:+.1f} dB decoded)"
-    if lost and seen.power_db is not None and seen.power_db > -GAP_DB:
+    if lost and seen.power_db is not None and seen.power_db > -UNCHANGED_DB:
         return "interference", f"{ratios} although channel power is {seen.power_db:+.1f} dB off its mean"
-    if lost and seen.strength_db is not None and seen.strength_db > STRONG_DB:
+    weaker = seen.decoded_db is not None and seen.decoded_db < -GAP_DB
+    if lost and not weaker and seen.strength_db is not None and seen.strength_db > STRONG_DB:
         return "interference", f"{ratios} although decoded power is {seen.strength_db:.0f} dB above what it needs"
     return None
 
 
 LOST_SHARE: Final = 0.05
 GAP_DB: Final = 3.0
+UNCHANGED_DB: Final = 1.0
+"""At the edge of its range a radio loses frames by a decibel or two of power: less than this explains none."""
 
 
 def _snow(seen: Circumstances) -> tuple[Cause, str] | None:
@@ -149,7 +187,23 @@ def _device(seen: Circumstances) -> tuple[Cause, str] | None:
         if seen.other_radios and seen.other_share is not None and seen.other_share >= ALIKE:
             return "device", "every section of every radio falls alike: the train's own receiver or antenna"
         return "device", "every section of this radio falls alike"
+    if seen.whole_range and seen.range_learned >= FEW and seen.radio_share >= ALIKE and seen.elsewhere_share >= ALIKE:
+        return "device", f"all that is left of this radio's range falls alike ({seen.range_learned} sections)"
     return None
+
+
+def _too_early(seen: Circumstances) -> tuple[Cause, str] | None:
+    """All of a radio falls that was passed so far: its range will tell whether it is the place or the radio."""
+    if seen.kind == "above" or seen.at_site or seen.whole_line or seen.range_passed is None or seen.whole_range:
+        return None
+    if seen.elsewhere_sections >= FEW and seen.elsewhere_share < ALIKE:
+        return None
+    if seen.radio_share < ALIKE and (seen.dead_share or 0.0) < ALIKE:
+        return None
+    return "unknown", (
+        f"all of this radio's sections passed so far fall ({seen.range_passed} of {seen.range_learned}): "
+        "the rest will tell the place from the radio"
+    )
 
 
 LEAST_SECTIONS: Final = 15

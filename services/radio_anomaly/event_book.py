@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 import msgspec
 
-from schemas.radio import Kind
+from schemas.radio import Cause, Kind
 from services.radio_anomaly.passes import Journey
 
 QUIET_PASSES: Final = 2
@@ -27,6 +27,10 @@ class OpenEvent(msgspec.Struct, kw_only=True):
     first_seen_ns: int
     confirmed: bool
     quiet: int = 0
+    cause: Cause = "unknown"
+    """As told last."""
+    incident_id: str = ""
+    """Of the events that are one thing with it: the identity of the first of them."""
 
     def covers(self, section: int) -> bool:
         """Whether a section lies in it."""

@@ -33,6 +33,8 @@ COLUMNS: Final = (
     "expected_loss_late",
     "false_alarm_rate",
     "learned_passes",
+    "incident_id",
+    "incident",
 )
 
 
@@ -72,6 +74,8 @@ def row_of(event: RadioEvent) -> list[str]:
         ),
         "" if event.false_alarm_rate is None else f"{event.false_alarm_rate:.5f}",
         str(event.learned_passes),
+        event.incident_id,
+        event.incident,
     ]
 
 

@@ -66,6 +66,10 @@ class Presence:
         """Radios and channels ever heard."""
         return {key[:2] for key in self.heard}
 
+    def range_of(self, radio: str, direction: str) -> set[int]:
+        """Sections in which a radio was ever heard in a direction, on any channel."""
+        return {section for name, _, way, section in self.heard if (name, way) == (radio, direction)}
+
     def missing(self, journey: Journey, settings: Settings) -> list[Silence]:
         """Runs of sections in which a radio was expected and not heard.
 

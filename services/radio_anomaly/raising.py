@@ -7,17 +7,18 @@ from typing import Final, Literal
 
 import msgspec
 
-from schemas.radio import Kind, RadioEvent
+from schemas.radio import Cause, Kind, RadioEvent
 from services.radio_anomaly.cause import Circumstances, cause_of
+from services.radio_anomaly.circumstances import Scene
 from services.radio_anomaly.event_book import OpenEvent
-from services.radio_anomaly.monitor import Judgement, Monitor, by_stream
-from services.radio_anomaly.off_shares import OffShares
+from services.radio_anomaly.incidents import put_together, words_of
+from services.radio_anomaly.monitor import Judgement, Monitor
 from services.radio_anomaly.passes import Journey, plain
 from services.radio_anomaly.precursor import Loss, Trend, expected_loss
 from services.radio_anomaly.presence import Silence
 from services.radio_anomaly.steps import Finding
-from services.radio_anomaly.stream_state import POWERS, View, transmit_change
-from services.radio_anomaly.stretch_figures import band, change_over, clearest
+from services.radio_anomaly.stream_state import POWERS, View
+from services.radio_anomaly.stretch_figures import band, clearest
 from services.radio_anomaly.weather_map import Sky, no_weather
 
 UNITS: Final = {
@@ -53,7 +54,6 @@ class Raiser:
     def __init__(self, monitor: Monitor, evidence: Evidence) -> None:
         """For a monitor and the evidence of its model."""
         self._monitor, self._evidence = monitor, evidence
-        self._shares: OffShares | None = None
 
     def take(self, journey: Journey, sky: Sky = no_weather) -> tuple[list[RadioEvent], Judgement]:
         """Judge a pass, tell its events (also those that ended), and remember it."""
@@ -65,18 +65,41 @@ class Raiser:
 
     def events_of(self, journey: Journey, judgement: Judgement, sky: Sky = no_weather) -> list[RadioEvent]:
         """Events of a pass, or of the part of it that was driven."""
-        self._shares = OffShares(judgement)
+        scene = Scene(self._monitor, journey, judgement, sky)
         told = [
-            self._step(journey, judgement, finding, sky)
+            self._step(journey, judgement, finding, scene)
             for finding in judgement.findings
             if not self._said_better(finding, judgement) and not self._harmless(finding, judgement)
         ]
-        told += [self._missing(journey, judgement, silence, sky) for silence in judgement.silences]
-        return told + [
-            self._trend(journey, judgement, trend, sky)
+        told += [self._missing(journey, silence, scene) for silence in judgement.silences]
+        told += [
+            self._trend(journey, judgement, trend, scene)
             for trend in clearest(judgement.trends)
             if not self._stepped(journey, trend)
         ]
+        return self._together(told)
+
+    def _together(self, told: list[RadioEvent]) -> list[RadioEvent]:
+        """The same, each with the incident that it is a part of."""
+        known, section_m = self._monitor.events.open, self._monitor.settings.section_m
+        by_id = {one.event_id: one for one in known}
+        put_together(list({event.event_id: by_id[event.event_id] for event in told}.values()), known, section_m)
+        words = {
+            name: words_of(name, known, section_m) for name in {by_id[event.event_id].incident_id for event in told}
+        }
+        return [
+            msgspec.structs.replace(event, incident_id=name, incident=words[name])
+            for event in told
+            for name in (by_id[event.event_id].incident_id,)
+        ]
+
+    def _cause(self, seen: Circumstances, event: OpenEvent) -> tuple[Cause, str]:
+        """Cause of an event on this pass; what was told of it before stands until something else is told."""
+        cause, why = cause_of(seen)
+        if cause == "unknown" and event.cause != "unknown":
+            return event.cause, f"{why}; told as {event.cause} before"
+        event.cause = cause
+        return cause, why
 
     def _stepped(self, journey: Journey, trend: Trend) -> bool:
         """Whether half of its stretch is in a confirmed step that is known already, and it was no trend before."""
@@ -108,7 +131,7 @@ class Raiser:
         now = float(view.values[view.over(finding.start, finding.length)].mean())
         return finding.score > 0.0 or plain("reception", now) >= self._monitor.settings.least_received_ratio
 
-    def _step(self, journey: Journey, judgement: Judgement, finding: Finding, sky: Sky) -> RadioEvent:
+    def _step(self, journey: Journey, judgement: Judgement, finding: Finding, scene: Scene) -> RadioEvent:
         kind = _kind(finding)
         stretch = (finding.start, finding.length)
         event, phase = self._monitor.events.see(
@@ -117,8 +140,7 @@ class Raiser:
         view = judgement.views[(finding.quantity, finding.radio, finding.channel)]
         rows = view.over(*stretch)
         value, lower, upper = band(view, rows, self._monitor.settings.k)
-        seen = self.circumstances(journey, judgement, kind, finding.radio, finding.channel, stretch, sky)
-        cause, why = cause_of(seen)
+        cause, why = self._cause(scene.at(kind, finding.radio, finding.channel, stretch), event)
         passes = int(view.residuals.passes[rows].mean().round())
         words = self._step_words(finding, (value, lower, upper), passes)
         return self._event(
@@ -150,13 +172,12 @@ class Raiser:
             f"{seen}, learned from {passes} passes{sure}"
         )
 
-    def _missing(self, journey: Journey, judgement: Judgement, silence: Silence, sky: Sky) -> RadioEvent:
+    def _missing(self, journey: Journey, silence: Silence, scene: Scene) -> RadioEvent:
         stretch = (silence.start, silence.length)
         event, phase = self._monitor.events.see(
             journey, silence.radio, silence.channel, "missing", stretch, confirmed=silence.confirmed
         )
-        seen = self.circumstances(journey, judgement, "missing", silence.radio, silence.channel, stretch, sky)
-        cause, why = cause_of(seen)
+        cause, why = self._cause(scene.at("missing", silence.radio, silence.channel, stretch), event)
         metres = silence.length * self._monitor.settings.section_m
         # As if each section were silent by chance, at most as often as it was before; one in n+2 where it never was.
         chance = 1.0 - min(silence.expected, (silence.passes + 1.0) / (silence.passes + 2.0))
@@ -175,7 +196,7 @@ class Raiser:
             ),
         )
 
-    def _trend(self, journey: Journey, judgement: Judgement, trend: Trend, sky: Sky) -> RadioEvent:
+    def _trend(self, journey: Journey, judgement: Judgement, trend: Trend, scene: Scene) -> RadioEvent:
         stretch = (trend.start, trend.length)
         event, phase = self._monitor.events.see(journey, trend.radio, trend.channel, "trend", stretch, confirmed=True)
         stream = (trend.quantity, trend.radio, trend.channel)
@@ -183,8 +204,8 @@ class Raiser:
         rows = view.over(*stretch) if trend.length else slice(0, len(view.values))
         value, lower, upper = band(view, rows, self._monitor.settings.k)
         kind: Kind = "below" if trend.level < 0.0 else "above"
-        seen = self.circumstances(journey, judgement, kind, trend.radio, trend.channel, stretch, sky)
-        cause, why = cause_of(msgspec.structs.replace(seen, whole_line=trend.length == 0))
+        seen = scene.at(kind, trend.radio, trend.channel, stretch)
+        cause, why = self._cause(msgspec.structs.replace(seen, whole_line=trend.length == 0), event)
         loss, forecast = self.forecast(journey, view, rows, trend)
         unit = UNITS[trend.quantity]
         where = "the whole line" if not trend.length else f"{trend.length * self._monitor.settings.section_m:.0f} m"
@@ -237,79 +258,16 @@ class Raiser:
             f"({early:.0f}{late}){seen}"
         )
 
-    def circumstances(
-        self,
-        journey: Journey,
-        judgement: Judgement,
-        kind: Kind,
-        radio: str,
-        channel: str,
-        stretch: tuple[int, int],
-        sky: Sky,
-    ) -> Circumstances:
-        """What goes with a stretch on this pass."""
-        monitor = self._monitor
-        sign = 1.0 if kind == "above" else -1.0
-        changes = {q: change_over(judgement.views.get((q, radio, channel)), stretch) for q in (*POWERS, "reception")}
-        reception = judgement.views.get(("reception", radio, channel))
-        ratio = normal = None
-        if reception is not None and changes["reception"] is not None:
-            rows = reception.over(*stretch) if stretch[1] else slice(0, len(reception.values))
-            now = float(reception.values[rows].mean())
-            ratio = plain("reception", now)
-            normal = plain("reception", now - float(reception.residuals.residual[rows].mean()))
-        shares = self._shares or OffShares(judgement)
-        share, sections = shares.of.get((radio, channel), {}).get(sign, (0.0, 0))
-        other_share, other_radios = shares.others((radio, channel), sign)
-        transmit = transmit_change(
-            monitor.streams[(radio, channel)],
-            by_stream(journey).get((radio, channel), []),
-            monitor.settings,
-            monitor.mask((radio, channel)),
-        )
-        return Circumstances(
-            kind=kind,
-            length_m=stretch[1] * monitor.settings.section_m,
-            at_site=not journey.direction,
-            power_db=changes["power"],
-            decoded_db=changes["decoded"],
-            received_ratio=0.0 if ratio is None and kind == "missing" else ratio,
-            normal_ratio=normal,
-            strength_db=self._strength(judgement.views.get(("decoded", radio, channel)), stretch),
-            transmit_db=transmit,
-            radio_share=share,
-            radio_sections=sections,
-            other_share=other_share,
-            other_radios=other_radios,
-            weather=sky(self._middle_m(journey, stretch)),
-        )
-
-    def _middle_m(self, journey: Journey, stretch: tuple[int, int]) -> float | None:
-        """Kilometrage of a stretch's middle; None at a site."""
-        if not journey.direction:
-            return None
-        middle = stretch[0] + stretch[1] / 2.0 if stretch[1] else (journey.passed[0] + journey.passed[-1] + 1) / 2.0
-        return middle * self._monitor.settings.section_m
-
-    def _strength(self, view: View | None, stretch: tuple[int, int]) -> float | None:
-        known = self._monitor.settings.loss_power_dbm
-        if known is None:
-            learned = self._monitor.curve.loss_power_dbm()
-            known = learned[0] if learned is not None and learned[1] else None
-        if view is None or known is None:
-            return None
-        rows = view.over(*stretch) if stretch[1] else slice(0, len(view.values))
-        return float(view.values[rows].mean()) - known if rows.stop > rows.start else None
-
     def _ended(self, journey: Journey, one: OpenEvent) -> RadioEvent:
         return self._event(
             journey,
             one,
             "ended",
             stretch=(one.start, one.length) if one.length else (min(journey.passed), len(journey.passed)),
-            cause="unknown",
+            cause=one.cause,
             score=0.0,
             confirmed=one.confirmed,
+            incident_id=one.incident_id,
             reason="the last two passes were normal here",
         )
 
