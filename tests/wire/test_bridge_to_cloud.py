@@ -8,11 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
+
 from schemas.bridge import StoreQuestion
 from schemas.codec import decode
 from schemas.radio import RadioMeasurement
+from schemas.runs import RunRecord
 from schemas.topic import Place
-from schemas.topics import RADIO_MEASUREMENT, SERVICE_EVENT, STORE
+from schemas.topics import RADIO_MEASUREMENT, RUN_RECORD, SERVICE_EVENT, STORE
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig
 from services.runtime.node import Node, Service
@@ -25,6 +28,7 @@ from tests.wire.stage import NoConfig, event
 
 CLI = ("-m", "services.cli")
 CLOUD, TRAIN = Place("demo", "cloud", "C1"), Place("demo", "train", "T1")
+RUN = RunRecord(t_ns=0, run_id="", from_station="juso", to_station="toyonaka", running_time_s=421.5, energy_kwh=58.25)
 COUNT = 1500
 """Measurements; there is an event with every tenth."""
 LIMIT_S = 90.0
@@ -35,7 +39,7 @@ async def _idle(node: Node, config: NoConfig) -> None:
     del node, config
 
 
-WRITER = Service("writer", NoConfig, (), (RADIO_MEASUREMENT, SERVICE_EVENT), _idle, "a test's sensor")
+WRITER = Service("writer", NoConfig, (), (RADIO_MEASUREMENT, SERVICE_EVENT, RUN_RECORD), _idle, "a test's sensor")
 ASKER = Service("asker", NoConfig, (RADIO_MEASUREMENT, SERVICE_EVENT), (), _idle, "asks and listens", asks=(STORE,))
 
 
@@ -68,6 +72,24 @@ async def stored(asker: ZenohNode, about: str) -> list[int]:
         page = answer.next_page
 
 
+async def runs_stored(asker: ZenohNode) -> list[RunRecord]:
+    """Run records in the store, a page for each, as whoever asks can rebuild them."""
+    found: list[RunRecord] = []
+    page = ""
+    while True:
+        question = StoreQuestion(t_ns=0, about="runs", train="T1", limit=1, page=page)
+        answer = await asker.ask(STORE, CLOUD, question, timeout_s=5.0, shard="all")
+        names = [field.name for field in msgspec.structs.fields(RunRecord)]
+        at = [answer.columns.index(name) for name in names]
+        found += [
+            msgspec.convert(dict(zip(names, (row[index] for index in at), strict=True)), RunRecord)
+            for row in answer.rows
+        ]
+        if not answer.next_page:
+            return found
+        page = answer.next_page
+
+
 async def until_stored(asker: ZenohNode, about: str, count: int) -> list[int]:
     found: list[int] = []
     async with asyncio.timeout(LIMIT_S):
@@ -91,6 +113,7 @@ async def test_what_a_train_says_reaches_the_store_once_though_the_cloud_dies(tm
     with running(*CLI, "up", "--profile", str(profile)) as up:
         await asyncio.to_thread(up.event, "all_ready", patience_s=LIMIT_S)
         bus = BusConfig(connect=(f"tcp/127.0.0.1:{train_port}",))
+        runs: list[RunRecord] = []
         writer = await ZenohNode.open(WRITER, TRAIN, "writer", LiveClock(), bus, announced=False)
         try:
             for part in range(3):
@@ -101,6 +124,12 @@ async def test_what_a_train_says_reaches_the_store_once_though_the_cloud_dies(tm
                         await writer.publish(RADIO_MEASUREMENT, message, device="r1")
                         if number % 10 == 0:
                             await writer.publish(SERVICE_EVENT, event(number), service="writer")
+                        if number % 250 == 0:
+                            now_ns = LiveClock().now_ns()
+                            runs.append(
+                                msgspec.structs.replace(RUN, t_ns=now_ns, arrival_ns=now_ns, run_id=str(number))
+                            )
+                            await writer.publish(RUN_RECORD, runs[-1])
                     if part < 2:
                         await asyncio.sleep(0.2 + 0.4 * part)
                         cloud.send(signal.SIGKILL)
@@ -110,7 +139,9 @@ async def test_what_a_train_says_reaches_the_store_once_though_the_cloud_dies(tm
                     asker = await ZenohNode.open(ASKER, CLOUD, "asker", LiveClock(), asker_bus, announced=False)
                     try:
                         radio = await until_stored(asker, "radio", COUNT)
+                        # Events overtake bulk, and run records are events: by now they are there.
                         events = await until_stored(asker, "events", COUNT // 10)
+                        runs_there = await runs_stored(asker)
                     finally:
                         await asker.close()
                     cloud.send(signal.SIGINT)
@@ -121,3 +152,5 @@ async def test_what_a_train_says_reaches_the_store_once_though_the_cloud_dies(tm
         assert up.ended(6.0) == 0
     assert sorted(radio) == list(range(COUNT))
     assert sorted(events) == list(range(COUNT // 10))
+    assert runs_there == runs
+    assert len(runs) == COUNT // 250
