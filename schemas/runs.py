@@ -31,6 +31,16 @@ class RunRecord(Message, frozen=True, kw_only=True):
     energy_kwh: NotNegative | None = None
     """Traction alone, from the line."""
     energy_sigma_kwh: NotNegative | None = None
+    energy_noise_kwh: NotNegative | None = None
+    """What noise in the speeds would have added to the traction, taken off already …"""
+    energy_noise_sigma_kwh: NotNegative | None = None
+    """… and its standard deviation."""
+    regenerated_kwh: NotNegative | None = None
+    """Given back to the line; not in `energy_kwh`."""
+    regenerated_sigma_kwh: NotNegative | None = None
+    auxiliaries_kwh: NotNegative | None = None
+    """Heating, light, compressors from departure to arrival; not in `energy_kwh`."""
+    auxiliaries_sigma_kwh: NotNegative | None = None
     quality: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     excluded_because: str = ""
     """Why it does not count in statistics; empty when it does."""

@@ -26,7 +26,7 @@ def analyse(
     *,
     log: Annotated[Path, typer.Option("--log", help="CSV, Parquet, GPX or NMEA file, or a folder of them.")],
     line: Annotated[Path, typer.Option("--line", help="Line file, or 'demo'.")],
-    vehicle: Annotated[Path, typer.Option("--vehicle", help="vehicle.toml.")],
+    vehicle: Annotated[Path, typer.Option("--vehicle", help="vehicle.toml, or 'demo'.")],
     out: Annotated[Path, typer.Option("--out", help="runs.csv.")],
     timetable: Annotated[
         Path | None, typer.Option("--timetable", help="CSV with from, to, running_time_s: scheduled times.")
@@ -43,6 +43,7 @@ def analyse(
     Example: kirotei runs analyse --log logs/ --line line.json --vehicle vehicle.toml --out runs.csv
     """
     from services.line.line_file import load_line
+    from services.run_history.demo_vehicle import DEMO, demo_vehicle
     from services.run_history.log_analysis import Job, analysed_runs
     from services.run_history.run_rows import RunRow, normalised
     from services.run_history.runs_file import write_runs
@@ -56,7 +57,7 @@ def analyse(
         if len(whole.stations) < 2:  # noqa: PLR2004 - a leg needs two
             msg = f"{line}: a line with two stations at least is needed to cut runs into legs"
             raise UsageError(msg)
-        train = read_vehicle(vehicle)
+        train = demo_vehicle() if str(vehicle) == DEMO else read_vehicle(vehicle)
         scheduled = read_timetable(timetable) if timetable is not None else {}
         rows: list[RunRow] = []
         notes: list[str] = []

@@ -74,7 +74,7 @@ def log_track(log: RunLog, ways: Sequence[Alignment], fastest_mps: float) -> Log
         raise UnusableLogError(msg)
     kmh = _looks_like_kmh(t, placed.axis_m, log.speed_mps)
     speeds = np.ascontiguousarray(log.speed_mps / FACTOR_KMH if kmh else log.speed_mps)
-    measured = credible_speeds(t, speeds, SPEED_TOLERANCE * fastest_mps).speed_mps
+    measured = credible_speeds(t, speeds, SPEED_TOLERANCE * fastest_mps, placed.axis_m).speed_mps
     place = _without_offset(t, placed, ways)
     lag_s = speed_lag_s(t, place, measured)
     known = np.isfinite(measured)

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from schemas.line import Station
 from services.line.alignment import Alignment
 from services.run_history.fixes import RunLog
+from services.run_history.least_time import least_time_s
 from services.run_history.leg_ends import Ends
 from services.run_history.leg_quality import LegEvidence, judged, sudden_move_m
 from services.run_history.legs import Leg, assumed_ends, ends_by_slope, halt_of, legs_of, start_of, stops_of
 from services.run_history.log_track import LogTrack, UnusableLogError, log_track
+from services.run_history.speed_noise import acceleration_noise_mps2
 from services.run_history.track_smoothing import Smoothed, moving_average, smoothed
 from services.run_history.traction_energy import Energy, traction_energy
 from services.run_history.vehicle import Vehicle
@@ -102,7 +104,10 @@ def _leg_run(
         speed = np.where(np.isfinite(average), average, speed)
         acceleration = np.gradient(speed, track.t_s)
     force = vehicle.track_force_n(sign * way.gradient_permille(places), way.curvature_per_m(places))
-    energy = traction_energy(vehicle, t, speed[part], acceleration[part], track.acceleration_sigma_mps2[part], force)
+    noise = acceleration_noise_mps2(track.t_s, measured_mps, speed, window_s)
+    energy = traction_energy(
+        vehicle, t, speed[part], acceleration[part], track.acceleration_sigma_mps2[part], force, noise
+    )
     ends = assumed_ends(leg, track.t_s, speed, vehicle.acceleration_mps2, vehicle.deceleration_mps2)
     sudden_m = 0.0
     if window_s is None:
@@ -112,6 +117,8 @@ def _leg_run(
         sudden_m = 0.0 if start is None else sudden_move_m(track.t_s, onward_m, measured_mps, start)
     evidence = LegEvidence(t, onward_m[part], measured_mps[part], speed[part])
     quality, reason = judged(evidence, ends, sudden_m)
+    if ends.arrival_s - ends.departure_s < least_time_s(way, leg.start.way_m, leg.end.way_m, vehicle.max_speed_mps):
+        quality, reason = 0.0, "; ".join((*([reason] if reason else []), "faster than line and vehicle allow"))
     ends = Ends(*(zero_s + one for one in (ends.departure_s, ends.rising_s, ends.falling_s, ends.arrival_s)))
     assert leg.start.station is not None  # noqa: S101 - legs run between stations
     assert leg.end.station is not None  # noqa: S101 - the same

@@ -33,6 +33,14 @@ class RunRow:
     """Of the moving average; None: the smoother."""
     quality: float
     excluded_because: str
+    energy_noise_kwh: float | None = None
+    """Taken off the traction energy for noise in the speeds. None here and below: a table that did not tell."""
+    energy_noise_sigma_kwh: float | None = None
+    regenerated_kwh: float | None = None
+    """Apart from `energy_kwh`, as the auxiliaries."""
+    regenerated_sigma_kwh: float | None = None
+    auxiliaries_kwh: float | None = None
+    auxiliaries_sigma_kwh: float | None = None
 
 
 def row_of(leg: LegRun, series: str, scheduled_s: Mapping[tuple[str, str], float], window_s: float | None) -> RunRow:
@@ -54,6 +62,12 @@ def row_of(leg: LegRun, series: str, scheduled_s: Mapping[tuple[str, str], float
         window_s,
         leg.quality,
         leg.excluded_because,
+        leg.energy.noise_kwh,
+        leg.energy.noise_sigma_kwh,
+        leg.energy.regenerated_kwh,
+        leg.energy.regenerated_sigma_kwh,
+        leg.energy.auxiliaries_kwh,
+        leg.energy.auxiliaries_sigma_kwh,
     )
 
 

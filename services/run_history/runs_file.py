@@ -10,7 +10,7 @@ from typing import Final
 
 from services.run_history.run_rows import RunRow
 
-COLUMNS: Final = (
+ALWAYS: Final = (
     "run_id",
     "from",
     "to",
@@ -27,6 +27,16 @@ COLUMNS: Final = (
     "quality",
     "excluded_because",
 )
+APART: Final = (
+    "energy_noise_kwh",
+    "energy_noise_uncertainty",
+    "regenerated_kwh",
+    "regenerated_uncertainty",
+    "auxiliaries_kwh",
+    "auxiliaries_uncertainty",
+)
+"""Blank or missing where a table does not tell."""
+COLUMNS: Final = ALWAYS + APART
 
 
 class RunsFileError(ValueError):
@@ -63,6 +73,17 @@ def _fields(row: RunRow) -> Sequence[str]:
         "" if row.window_s is None else f"{row.window_s:g}",
         f"{row.quality:.2f}",
         row.excluded_because,
+        *(
+            "" if value is None else f"{value:.3f}"
+            for value in (
+                row.energy_noise_kwh,
+                row.energy_noise_sigma_kwh,
+                row.regenerated_kwh,
+                row.regenerated_sigma_kwh,
+                row.auxiliaries_kwh,
+                row.auxiliaries_sigma_kwh,
+            )
+        ),
     )
 
 

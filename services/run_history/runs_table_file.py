@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from services.run_history.run_rows import RunRow
-from services.run_history.runs_file import COLUMNS, RunsFileError
+from services.run_history.runs_file import ALWAYS, APART, RunsFileError
 
 
 def read_rows(path: Path) -> list[RunRow]:
@@ -17,7 +17,7 @@ def read_rows(path: Path) -> list[RunRow]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file)
-            missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
+            missing = [name for name in ALWAYS if name not in (reader.fieldnames or ())]
             if missing:
                 msg = f"{path}:1: no runs.csv: without the columns {', '.join(missing)}"
                 raise RunsFileError(msg)
@@ -44,6 +44,7 @@ def _row(row: dict[str, str | None], where: str) -> RunRow:
         _maybe(row, "window_s", where),
         _figure(row, "quality", where),
         row["excluded_because"] or "",
+        *(_maybe(row, name, where) for name in APART),
     )
 
 
@@ -71,7 +72,7 @@ def _instant(row: dict[str, str | None], name: str, where: str) -> float:
 
 
 def _maybe(row: dict[str, str | None], name: str, where: str) -> float | None:
-    return _figure(row, name, where) if row[name] else None
+    return _figure(row, name, where) if row.get(name) else None
 
 
 def _figure(row: dict[str, str | None], name: str, where: str) -> float:

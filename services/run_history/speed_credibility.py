@@ -13,6 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from services.run_history.middle import median_of
+
 Floats = NDArray[np.float64]
 ZERO_MPS: Final = 0.1
 STRONGEST_MPS2: Final = 1.5
@@ -27,7 +29,10 @@ SLOPE_S: Final = 5.0
 """After a jump the acceleration is taken from so long."""
 MOST_HELD_S: Final = 30.0
 FROZEN_S: Final = 8.0
-"""The same speed to the last digit for so long while moving is no measurement."""
+"""The same speed to the last digit for so long while moving is no measurement, unless places go on just so."""
+STEADY_M: Final = 6.0
+STEADY_SHARE: Final = 0.01
+"""Places may leave a steady advance by this, and by this share of the way: speeds are told in steps."""
 SPIKE_MPS: Final = 3.0
 
 
@@ -43,26 +48,45 @@ class Credible:
     spikes: int
 
 
-def credible_speeds(t_s: Floats, speed_mps: Floats, fastest_mps: float) -> Credible:
-    """Speeds that can be, without sign; `fastest_mps` is what the train cannot exceed. Times rise. Shapes (n,)."""
+def credible_speeds(t_s: Floats, speed_mps: Floats, fastest_mps: float, place_m: Floats | None = None) -> Credible:
+    """Speeds that can be, without sign; `fastest_mps` is what the train cannot exceed. Times rise. Shapes (n,).
+
+    `place_m`, where known, tells a speed that is held steady from one that is frozen.
+    """
     speed = np.where((speed_mps >= 0.0) & (speed_mps <= fastest_mps), speed_mps, np.nan)
     spikes = int(np.sum(np.isfinite(speed_mps) & ~np.isfinite(speed)))
-    frozen = _leave_out_frozen(t_s, speed)
+    frozen = _leave_out_frozen(t_s, speed, place_m)
     dropped = _leave_out_drops(t_s, speed)
     held = _leave_out_held(t_s, speed)
     spikes += _leave_out_spikes(t_s, speed)
     return Credible(speed, held, dropped, frozen, spikes)
 
 
-def _leave_out_frozen(t_s: Floats, speed: Floats) -> int:
+def _leave_out_frozen(t_s: Floats, speed: Floats, place_m: Floats | None) -> int:
     changed = np.concatenate(([True], speed[1:] != speed[:-1], [True]))
     edges = np.flatnonzero(changed)
     first, past = edges[:-1], edges[1:]
     # Two that are alike are a repetition and no run of them.
-    frozen = (past - first > 2) & (speed[first] > ZERO_MPS) & (t_s[past - 1] - t_s[first] >= FROZEN_S)  # noqa: PLR2004
-    for k in np.flatnonzero(frozen):
-        speed[first[k] + 1 : past[k]] = np.nan
-    return int(np.sum((past - first - 1)[frozen]))
+    alike = (past - first > 2) & (speed[first] > ZERO_MPS) & (t_s[past - 1] - t_s[first] >= FROZEN_S)  # noqa: PLR2004
+    count = 0
+    for k in np.flatnonzero(alike):
+        part = slice(first[k], past[k])
+        if place_m is None or not _advances(t_s[part], place_m[part], float(speed[first[k]])):
+            speed[first[k] + 1 : past[k]] = np.nan
+            count += int(past[k] - first[k] - 1)
+    return count
+
+
+def _advances(t_s: Floats, place_m: Floats, speed_mps: float) -> bool:
+    """Whether places go on at a steady speed from the first to the last fix: a driver or a control holds it."""
+    known = np.isfinite(place_m)
+    if known.sum() < 3:  # noqa: PLR2004 - two ends and something between
+        return False
+    t, place = t_s[known], place_m[known]
+    onward = np.sign(place[-1] - place[0])
+    off_m = onward * place - speed_mps * t
+    allowed_m = STEADY_M + STEADY_SHARE * speed_mps * (t[-1] - t[0])
+    return bool(np.percentile(np.abs(off_m - median_of(off_m)), 90.0) <= allowed_m)
 
 
 def _leave_out_drops(t_s: Floats, speed: Floats) -> int:

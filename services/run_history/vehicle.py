@@ -55,9 +55,10 @@ class Vehicle(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     max_speed_mps: Positive = 33.3
     efficiency: Annotated[float, Meta(gt=0.0, le=1.0)] | None = None
     """From the line to the wheel; by drive type when left out (vvvf 0.85, chopper 0.80, resistor 0.78, …)."""
-    regeneration_efficiency: Share = 0.0
-    """From the wheel to the line, of the electric part of braking; reported apart."""
-    auxiliaries_kw: NotNegative = 0.0
+    regeneration_efficiency: Share | None = None
+    """From the wheel to the line, over all braking; by drive type when left out. Reported apart."""
+    auxiliaries_kw: NotNegative | None = None
+    """Heating, light, compressors on average; AUXILIARIES_KW_PER_CAR when left out. Reported apart."""
     calibration: Positive = 1.0
     """Factor from a metered run, on the traction energy."""
     acceleration_mps2: Positive = 0.48
@@ -86,6 +87,16 @@ class Vehicle(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     def line_to_wheel(self) -> float:
         """Efficiency, stated or by drive type."""
         return EFFICIENCY[self.drive] if self.efficiency is None else self.efficiency
+
+    @property
+    def wheel_to_line(self) -> float:
+        """Share of braking that comes back to the line, stated or by drive type."""
+        return REGENERATION[self.drive] if self.regeneration_efficiency is None else self.regeneration_efficiency
+
+    @property
+    def auxiliaries(self) -> float:
+        """Power beside traction [kW], stated or assumed."""
+        return AUXILIARIES_KW_PER_CAR * self.cars if self.auxiliaries_kw is None else self.auxiliaries_kw
 
     def assumed(self) -> tuple[str, ...]:
         """Fields whose source is not stated."""
@@ -120,3 +131,7 @@ EFFICIENCY: Final[dict[str, float]] = {
     "diesel": 0.30,
     "battery": 0.85,
 }
+REGENERATION: Final[dict[str, float]] = {"vvvf": 0.5, "chopper": 0.4, "resistor": 0.0, "diesel": 0.0, "battery": 0.5}
+"""Assumed: the drive's efficiency backwards, of what brakes take above walking pace while the line accepts it."""
+AUXILIARIES_KW_PER_CAR: Final = 10.0
+"""Assumed."""

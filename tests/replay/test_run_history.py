@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -41,8 +40,7 @@ def positions(from_s: float, until_s: float) -> list[TrainPosition]:
                 branch="",
                 axis_m=motion.axis_m,
                 direction="up",
-                # A receiver whose speed does not change at all is taken for frozen.
-                speed_mps=max(abs(motion.speed_mps) + 0.05 * math.sin(k), 0.0),
+                speed_mps=abs(motion.speed_mps),
             )
         )
     return found

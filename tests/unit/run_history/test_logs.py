@@ -19,6 +19,7 @@ from services.run_history.gpx_file import GpxError
 from services.run_history.log_analysis import Job, analysed_runs
 from services.run_history.nmea_file import NmeaLogError
 from services.run_history.runs_log_file import RunsLogError, read_runs
+from services.run_history.runs_table_file import read_rows
 from services.run_history.timetable_file import TimetableError, read_timetable
 from services.run_history.vehicle_file import VehicleFileError, read_vehicle
 from tests.unit.run_history.made_runs import LINE, TRAIN, made_run
@@ -166,3 +167,31 @@ def test_vehicle_and_timetable_files_name_what_is_wrong(tmp_path: Path) -> None:
     table.write_text("from,to,running_time_s\nA,B,soon\n", "utf-8")
     with pytest.raises(TimetableError, match=r"times\.csv:2.*soon"):
         read_timetable(table)
+
+
+def test_the_demo_vehicle_serves_and_rows_come_back_with_what_stands_apart(tmp_path: Path) -> None:
+    log, line, out = write_csv(tmp_path / "log.csv", made_run()), tmp_path / "line.json", tmp_path / "runs.csv"
+    line.write_bytes(msgspec.json.encode(LINE))
+    told = CliRunner().invoke(
+        app, ["analyse", "--log", str(log), "--line", str(line), "--vehicle", "demo", "--out", str(out)]
+    )
+    assert told.exit_code == 0, told.output
+    first = read_rows(out)[0]
+    assert first.regenerated_kwh is not None
+    assert first.regenerated_kwh > 0.0
+    assert first.regenerated_sigma_kwh is not None
+    assert first.auxiliaries_kwh is not None
+    assert first.auxiliaries_kwh > 0.0
+    assert first.energy_noise_kwh is not None
+    assert 0.0 <= first.energy_noise_kwh < first.energy_kwh
+
+
+def test_a_table_of_an_earlier_version_is_read_without_what_stands_apart(tmp_path: Path) -> None:
+    plain = (
+        "run_id,from,to,departure,arrival,running_time_s,energy_kwh,energy_uncertainty,energy_normalised,series,"
+        "direction,scheduled_s,window_s,quality,excluded_because\n"
+        "r,A,B,2026-01-31T10:00:00Z,2026-01-31T10:03:00Z,180.0,12.0,1.0,,s,up,,,1.00,\n"
+    )
+    (tmp_path / "runs.csv").write_text(plain, "utf-8")
+    (row,) = read_rows(tmp_path / "runs.csv")
+    assert (row.regenerated_kwh, row.auxiliaries_kwh, row.energy_noise_kwh) == (None, None, None)

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from schemas.line import SpeedLimit
+from services.line.alignment import alignment_of
 from services.run_history.fixes import run_log
+from services.run_history.least_time import least_time_s
 from services.run_history.run_analysis import analyse_run
 from services.run_history.traction_energy import JOULE_PER_KWH
 from tests.unit.run_history.made_runs import (
@@ -180,3 +186,42 @@ def test_a_frozen_receiver_is_judged_by_its_places() -> None:
     speed = np.where(log.speed_mps > 5.0, 12.3, log.speed_mps)
     leg = result_of(with_speed(log, speed)).legs[0]
     assert float(leg.speed_mps.max()) > FULL_MPS - 2.0 or leg.excluded_because
+
+
+def test_a_train_on_cruise_control_is_no_frozen_receiver() -> None:
+    log = made_run()
+    rounded = np.round(np.where(log.speed_mps > FULL_MPS - 0.5, FULL_MPS, log.speed_mps) * 36.0) / 36.0
+    plain, held = result_of(log), result_of(with_speed(log, rounded))
+    for one, other in zip(plain.legs, held.legs, strict=True):
+        assert other.excluded_because == ""
+        assert other.energy.traction_kwh == pytest.approx(one.energy.traction_kwh, rel=0.02)
+
+
+def test_the_least_time_is_that_of_a_trapezium() -> None:
+    # 3000 m less 100 m for where trains stop, at 33.3 m/s and 1.5 m/s²; steps of 25 m cut the corners by a second.
+    assert least_time_s(WAY, 1000.0, 4000.0, 33.3) == pytest.approx(2900.0 / 33.3 + 33.3 / 1.5, abs=1.0)
+    assert least_time_s(WAY, 4000.0, 1000.0, 33.3) == pytest.approx(least_time_s(WAY, 1000.0, 4000.0, 33.3))
+    limit = SpeedLimit(start_axis_m=0.0, end_axis_m=9000.0, limit_mps=10.0)
+    slow = alignment_of(msgspec.structs.replace(LINE, speed_limits=(limit,)))
+    assert least_time_s(slow, 1000.0, 4000.0, 33.3) == pytest.approx(2900.0 / 11.0 + 11.0 / 1.5, abs=1.0)
+
+
+def test_a_leg_faster_than_line_and_vehicle_allow_is_left_out() -> None:
+    log = made_run()
+    fast = result_of(replace(log, t_unix_s=ZERO_S + (log.t_unix_s - ZERO_S) / 2.0, speed_mps=log.speed_mps * 2.0))
+    assert fast.legs
+    assert all("faster than line and vehicle allow" in leg.excluded_because for leg in fast.legs)
+    assert all(leg.quality == 0.0 for leg in fast.legs)
+
+
+@given(seed=st.integers(0, 1000), gone=st.floats(0.0, 0.5))
+def test_whatever_a_log_lost_a_counted_leg_is_no_nonsense(seed: int, gone: float) -> None:
+    log = made_run()
+    rng = np.random.default_rng(seed)
+    speed = np.where(rng.random(len(log.t_unix_s)) < gone / 2.0, 0.0, log.speed_mps)
+    result = result_of(part(with_speed(log, speed), rng.random(len(log.t_unix_s)) >= gone))
+    for leg in result.legs:
+        if not leg.excluded_because:
+            length_m = abs(leg.end.axis_m - leg.start.axis_m)
+            assert leg.running_time_s == pytest.approx(leg_time_s(length_m), abs=15.0)
+            assert 0.0 < leg.energy.traction_kwh < 30.0

@@ -39,6 +39,17 @@ def test_held_zeros_spikes_drops_and_frozen_values_are_left_out_and_counted() ->
     assert np.isnan(credible.speed_mps[[100, 121, 160]]).all()
 
 
+def test_a_speed_held_steady_is_believed_where_the_places_go_on_just_so() -> None:
+    speed = np.full(len(T), 19.4)
+    rng = np.random.default_rng(5)
+    advancing = -19.43 * T + rng.normal(0.0, 2.0, len(T))
+    assert credible_speeds(T, speed, 40.0, advancing).frozen == 0
+    slowing = np.cumsum(np.clip(19.4 - 0.1 * T, 0.0, None))
+    assert credible_speeds(T, speed, 40.0, slowing).frozen == len(T) - 1
+    assert credible_speeds(T, speed, 40.0, np.full(len(T), np.nan)).frozen == len(T) - 1
+    assert credible_speeds(T, speed, 40.0).frozen == len(T) - 1
+
+
 def test_a_fall_to_zero_from_walking_pace_is_a_stop() -> None:
     speed = np.clip(20.0 - T * 0.6, 0.0, 20.0)
     speed[speed < 2.5] = 0.0
