@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import mmap
+import struct
 import time
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 import msgspec
 
@@ -88,6 +91,26 @@ def speak(pipe: Connection, router: str, count: int) -> None:
             await node.close()
 
     asyncio.run(live())
+
+
+def speak_steadily(pipe: Connection, router: str, rate_hz: float, path: str) -> None:
+    """Publish at a rate until killed; number and time [ns] of the last one stand in a file that outlives this."""
+
+    async def live(said: mmap.mmap) -> None:
+        service = Service("probe", NoConfig, (), (RADIO_MEASUREMENT,), _no_run, "speaks for the benchmark")
+        node = await ZenohNode.open(service, TRAIN, service.name, LiveClock(), BusConfig(connect=(router,)))
+        pipe.send("speaks")
+        number = 0
+        began_s = time.monotonic()
+        while True:
+            while number < rate_hz * (time.monotonic() - began_s):
+                await node.publish(RADIO_MEASUREMENT, measurement(number), device="r0")
+                said[:] = struct.pack("<qq", number, time.time_ns())
+                number += 1
+            await asyncio.sleep(0.001)
+
+    with Path(path).open("r+b") as file, mmap.mmap(file.fileno(), 16) as said:
+        asyncio.run(live(said))
 
 
 async def _no_run(node: Node, config: NoConfig) -> None:
