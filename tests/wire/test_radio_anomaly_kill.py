@@ -79,7 +79,7 @@ async def test_a_watch_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> No
 
         async def hear() -> None:
             async for message in node.messages(RADIO_EVENT):
-                told.append(message)
+                told.append(message)  # noqa: PERF401 - it is read meanwhile
 
         hearing = asyncio.create_task(hear())
         try:
