@@ -60,7 +60,7 @@ def _record(number: int) -> BridgedRecord:
 def _batches() -> list[BridgeBatch]:
     return [
         BridgeBatch(
-            t_ns=T0_NS,
+            t_ns=T0_NS + DAY_NS,
             bridge="demo/train/T1/lte_bridge",
             lane="bulk",
             spool_id="s",

@@ -11,6 +11,8 @@ from services.cloud_analyzer.tables import LATE_DAYS, rows_of
 from services.lte_bridge.batch import unpacked
 from services.lte_bridge.deduplication import Deduplication, Judgement, StateRow
 
+CLOCK_OFF_NS = 300 * 1_000_000_000
+"""A batch waits no longer than this for its answer: a bridge whose time lies farther from ours has a wrong clock."""
 PLACE_PARTS = 3
 """Line, kind and name stand before the instance in a bridge's name."""
 
@@ -22,6 +24,8 @@ class Taken:
     commit: Commit
     judgement: Judgement
     acknowledgement: BridgeAcknowledgement
+    ahead_ns: int = 0
+    """Of the bridge's clock, where it is off; its times were set right by it."""
 
 
 class Ingest:
@@ -54,7 +58,10 @@ class Ingest:
         records = unpacked(batch.compressed, batch.count)
         judgement = self._had.judge(batch, records)
         allowed = None if place in self._relays else frozenset({place})
-        rows = rows_of(judgement.fresh, now_ns, allowed, self._late_days)
+        # A batch is stamped when it is sent: what is more than its way here is the bridge's clock.
+        off_ns = batch.t_ns - now_ns
+        ahead_ns = off_ns if abs(off_ns) > CLOCK_OFF_NS else 0
+        rows = rows_of(judgement.fresh, now_ns, allowed, self._late_days, ahead_ns)
         refused = {row[1] for row in rows.refused}
         outbox = tuple(record for record in judgement.fresh if not refused or record.key not in refused)
         commit = Commit(rows, judgement.rows, judgement.forgotten, outbox)
@@ -67,7 +74,7 @@ class Ingest:
             repeated=judgement.repeated,
             refused=len(rows.refused),
         )
-        return Taken(commit, judgement, acknowledgement)
+        return Taken(commit, judgement, acknowledgement, ahead_ns)
 
     def confirm(self, taken: Taken) -> None:
         """Remember what has been committed."""

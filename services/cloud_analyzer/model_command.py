@@ -47,7 +47,7 @@ async def _fetched(node: ZenohNode, place: Place, shard: str, version: str) -> t
     """Version and packed content of a model, of the newest for an empty version."""
     known = await _rows(node, place, shard, StoreQuestion(t_ns=0, about="models", model=version))
     if not known:
-        msg = f"there is no model {version}; see: kirotei cloud history models"
+        msg = f"there is no model {version}; see: kirotei cloud history models" if version else "there is no model yet"
         raise RefusedError(msg)
     name = str(known[-1]["version"])
     parts = await _rows(node, place, shard, StoreQuestion(t_ns=0, about="model_parts", model=name))

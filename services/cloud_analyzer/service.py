@@ -185,6 +185,9 @@ async def _take(work: _Work, batches: AsyncIterator[Question[BridgeBatch, Bridge
         work.ingest.confirm(taken)
         await question.answer(taken.acknowledgement)
         health.count("rows", len(taken.commit.rows))
+        if taken.ahead_ns:
+            off = f"{question.request.bridge}: its clock is {taken.ahead_ns / 1e9:+.0f} s off"
+            health.trouble("clock", off, work.node.clock.monotonic_s())
         health.count("repeated", taken.acknowledgement.repeated)
         if taken.acknowledgement.refused:
             health.count("undecoded", taken.acknowledgement.refused)

@@ -138,16 +138,21 @@ class Rows:
 
 
 def rows_of(
-    records: Sequence[BridgedRecord], now_ns: int, allowed: frozenset[str] | None, late_days: float = LATE_DAYS
+    records: Sequence[BridgedRecord],
+    now_ns: int,
+    allowed: frozenset[str] | None,
+    late_days: float = LATE_DAYS,
+    ahead_ns: int = 0,
 ) -> Rows:
     """Rows of bridged records.
 
     `allowed`: places ('demo/train/T1') whose keys may be told; None for any. Times more than `late_days` before
-    they were heard are not believed. What cannot be taken becomes a row of `refused`, with the reason and what was
+    they were heard are not believed. `ahead_ns`: of the bridge's clock against ours, where it is known to be off;
+    its times are set right by it. What cannot be taken becomes a row of `refused`, with the reason and what was
     said, so that nothing that was acknowledged is lost.
     """
     rows = Rows()
-    late_ns = round(late_days * DAY_NS)
+    hearing = _Hearing(now_ns, round(late_days * DAY_NS), ahead_ns)
     keys: dict[str, _Said] = {}
     for record in records:
         said = keys.get(record.key)
@@ -162,11 +167,11 @@ def rows_of(
                 reason = f"{said.message}: {error}"
         if message is None:
             shown = record.payload[:MOST_REFUSED_BYTES].hex()
-            rows.refused.append((_heard_ns(record.heard_ns, now_ns, late_ns), record.key, reason, shown))
+            rows.refused.append((hearing.believed_ns(record.heard_ns), record.key, reason, shown))
         elif type(message) is RadioMeasurement:
-            rows.radio.append(_common(message.t_ns, record, said, now_ns, late_ns) + _measured(message))
+            rows.radio.append(_common(message.t_ns, record, said, hearing) + _measured(message))
         else:
-            rows.events.append(_common(message.t_ns, record, said, now_ns, late_ns) + _event(message, said.topic))
+            rows.events.append(_common(message.t_ns, record, said, hearing) + _event(message, said.topic))
     return rows
 
 
@@ -203,23 +208,39 @@ def _fault(address: Address | None, allowed: frozenset[str] | None) -> str:
     return ""
 
 
-def _heard_ns(heard_ns: int, now_ns: int, late_ns: int) -> int:
-    return heard_ns if now_ns - late_ns <= heard_ns <= now_ns + HEARD_AHEAD_NS else now_ns
+@dataclass(frozen=True, slots=True)
+class _Hearing:
+    """By which clock a batch's times are judged."""
+
+    now_ns: int
+    late_ns: int
+    ahead_ns: int
+    """Of the bridge's clock."""
+
+    def believed_ns(self, heard_ns: int) -> int:
+        """When a record was heard, as far as its bridge can be believed; else now."""
+        right_ns = heard_ns - self.ahead_ns
+        return right_ns if self.now_ns - self.late_ns <= right_ns <= self.now_ns + HEARD_AHEAD_NS else self.now_ns
+
+    def measured_ns(self, t_ns: int, heard_ns: int) -> int:
+        """A sender's time, set right where it went by the bridge's clock: where it is nearer to what that said."""
+        if abs(t_ns - heard_ns) < abs(t_ns - self.believed_ns(heard_ns)):
+            return t_ns - self.ahead_ns
+        return t_ns
 
 
-def _common(t_ns: int, record: BridgedRecord, said: _Said, now_ns: int, late_ns: int) -> tuple[Value, ...]:
+def _common(t_ns: int, record: BridgedRecord, said: _Said, hearing: _Hearing) -> tuple[Value, ...]:
     try:
         mark = _MARKS.decode(record.attachment)
     except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
         mark = _NO_MARK
-    heard_ns = record.heard_ns
-    believed_ns = _heard_ns(heard_ns, now_ns, late_ns)
-    clock = "" if believed_ns == heard_ns else "bridge"
-    taken_ns = t_ns
-    if not believed_ns - late_ns <= t_ns <= believed_ns + AHEAD_NS:
+    believed_ns = hearing.believed_ns(record.heard_ns)
+    clock = "" if believed_ns == record.heard_ns else "bridge"
+    taken_ns = hearing.measured_ns(t_ns, record.heard_ns)
+    if not believed_ns - hearing.late_ns <= taken_ns <= believed_ns + AHEAD_NS:
         taken_ns = believed_ns
         clock = "device and bridge" if clock else "device"
-        t_ns = max(-(2**63), min(2**63 - 1, t_ns))
+    t_ns = max(-(2**63), min(2**63 - 1, t_ns))
     return (
         taken_ns,
         t_ns,

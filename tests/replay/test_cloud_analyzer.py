@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from schemas.bridge import HistoryTask, StoreAnswer, StoreQuestion
+from schemas.bridge import BridgeBatch, BridgedRecord, HistoryTask, StoreAnswer, StoreQuestion
 from schemas.codec import MAX_MESSAGE_BYTES, encode
 from schemas.topic import Place
 from schemas.topics import HISTORY_TASK, INGEST, RADIO_MEASUREMENT, SERVICE_EVENT, STORE
@@ -21,7 +21,7 @@ from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
 from services.runtime.node import Node, Service
 from services.runtime.question import NoAnswerError, RefusedError
-from tests.unit.cloud_analyzer.batches import DAY_NS, NOW_NS, STEP_NS, batch, measurement, service_event
+from tests.unit.cloud_analyzer.batches import BRIDGE, DAY_NS, NOW_NS, STEP_NS, batch, measurement, service_event
 from tests.unit.cloud_analyzer.radio_days import END_NS, FAULT_NS, bring
 
 CLOUD = Place("demo", "cloud", "C1")
@@ -30,6 +30,11 @@ HOUR_NS = 3_600_000_000_000
 
 class NoConfig(msgspec.Struct, frozen=True):
     """Nothing to set."""
+
+
+def sent(records: Sequence[BridgedRecord], first: int = 0, bridge: str = BRIDGE) -> BridgeBatch:
+    """A batch from a bridge whose clock is ours."""
+    return batch(records, first, bridge, sent_ns=NOW_NS + DAY_NS)
 
 
 async def _idle(node: Node, config: NoConfig) -> None:
@@ -74,9 +79,9 @@ def test_batches_are_kept_said_again_and_can_be_asked_for(tmp_path: Path) -> Non
     async def test(node: MemoryNode, asker: MemoryNode) -> None:
         heard = asker.arrivals(RADIO_MEASUREMENT, SERVICE_EVENT, mirrored=True)
         records = [*(measurement(n) for n in range(30)), *(service_event(n) for n in range(5))]
-        reply = await asker.ask(INGEST, CLOUD, batch(records), timeout_s=5.0, shard="all")
+        reply = await asker.ask(INGEST, CLOUD, sent(records), timeout_s=5.0, shard="all")
         assert (reply.through, reply.repeated, reply.refused) == (34, 0, 0)
-        assert (await asker.ask(INGEST, CLOUD, batch(records), timeout_s=5.0, shard="all")).repeated == 35
+        assert (await asker.ask(INGEST, CLOUD, sent(records), timeout_s=5.0, shard="all")).repeated == 35
         again = [await anext(heard) for _ in range(35)]
         assert [one.sequence for one in again] == [*range(30), *range(5)]
         assert {str(one.place) for one in again} == {"demo/train/T1"}
@@ -93,8 +98,8 @@ def test_batches_are_kept_said_again_and_can_be_asked_for(tmp_path: Path) -> Non
 
 def test_what_cannot_be_is_refused_in_words_and_counted(tmp_path: Path) -> None:
     async def test(node: MemoryNode, asker: MemoryNode) -> None:
-        foreign = batch([measurement(0)], bridge="east/train/T1/lte_bridge")
-        broken = msgspec.structs.replace(batch([measurement(0)]), compressed=b"no zstd")
+        foreign = sent([measurement(0)], bridge="east/train/T1/lte_bridge")
+        broken = msgspec.structs.replace(sent([measurement(0)]), compressed=b"no zstd")
         for one, words in ((foreign, "no bridge of line demo"), (broken, "zstd")):
             with pytest.raises(RefusedError, match=words):
                 await asker.ask(INGEST, CLOUD, one, timeout_s=5.0, shard="all")
@@ -102,7 +107,7 @@ def test_what_cannot_be_is_refused_in_words_and_counted(tmp_path: Path) -> None:
         with pytest.raises(RefusedError, match="no page"):
             await asker.ask(STORE, CLOUD, bad_page, timeout_s=5.0, shard="all")
         newer = msgspec.structs.replace(measurement(0), key="kirotei/v1/demo/train/T1/news/of/tomorrow")
-        reply = await asker.ask(INGEST, CLOUD, batch([newer, measurement(1)]), timeout_s=5.0, shard="all")
+        reply = await asker.ask(INGEST, CLOUD, sent([newer, measurement(1)]), timeout_s=5.0, shard="all")
         assert (reply.through, reply.refused) == (1, 1)
         assert node.health.refused == 2
         assert node.health.counts["undecoded"] == 1
@@ -119,7 +124,7 @@ def test_what_was_committed_before_a_crash_is_said_again_after_it(tmp_path: Path
     async def test(node: MemoryNode, asker: MemoryNode) -> None:
         heard = asker.arrivals(RADIO_MEASUREMENT, mirrored=True)
         assert [(await anext(heard)).sequence for _ in range(4)] == [0, 1, 2, 3]
-        reply = await asker.ask(INGEST, CLOUD, batch([measurement(n) for n in range(4)]), timeout_s=5.0, shard="all")
+        reply = await asker.ask(INGEST, CLOUD, sent([measurement(n) for n in range(4)]), timeout_s=5.0, shard="all")
         assert reply.repeated == 4
         assert node.health.published == 4
 
@@ -145,12 +150,12 @@ def test_pages_are_cut_to_what_a_message_carries(tmp_path: Path) -> None:
 
     async def test(_: MemoryNode, asker: MemoryNode) -> None:
         records = [service_event(n, "x" * 900) for n in range(3000)]
-        await asker.ask(INGEST, CLOUD, batch(records), timeout_s=5.0, shard="all")
-        assert len(encode(batch(records))) < MAX_MESSAGE_BYTES < 3000 * 900
+        await asker.ask(INGEST, CLOUD, sent(records), timeout_s=5.0, shard="all")
+        assert len(encode(sent(records))) < MAX_MESSAGE_BYTES < 3000 * 900
         rows = await asked(asker, "events", limit=50_000)
         assert [row["sequence"] for row in rows] == list(range(3000))
         huge = [service_event(3000, "y" * MAX_MESSAGE_BYTES)]
-        await asker.ask(INGEST, CLOUD, batch(huge, 3000), timeout_s=5.0, shard="all")
+        await asker.ask(INGEST, CLOUD, sent(huge, 3000), timeout_s=5.0, shard="all")
         with pytest.raises(RefusedError, match="larger than a message"):
             await asked(asker, "events", from_ns=NOW_NS + 3000 * STEP_NS)
 
@@ -226,7 +231,7 @@ def test_lines_have_one_analyzer_each_and_what_nobody_takes_stays_with_its_bridg
         unanswered = []
         for number, line in enumerate(lines * 4):
             records = [measurement(number, place=Place(line, "train", "T1"))]
-            brought = batch(records, number, bridge=f"{line}/train/T1/lte_bridge")
+            brought = sent(records, number, bridge=f"{line}/train/T1/lte_bridge")
             try:
                 await asker.ask(INGEST, clouds[line], brought, timeout_s=5.0, shard="all")
             except NoAnswerError:

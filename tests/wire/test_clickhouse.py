@@ -57,7 +57,7 @@ def fill(store: Store) -> None:
     ingest = Ingest("demo", store.had())
     events = [service_event(n, "it's \\ fine\n") for n in range(20)]
     for first, records in ((0, spread(range(COUNT))), (COUNT, events)):
-        taken = ingest.take(batch(records, first), NOW_NS + DAY_NS)
+        taken = ingest.take(batch(records, first, sent_ns=NOW_NS + DAY_NS), NOW_NS + DAY_NS)
         store.published(store.commit(taken.commit))
         ingest.confirm(taken)
 
@@ -135,7 +135,8 @@ def test_a_dead_node_gives_a_partial_answer_that_says_so_and_takes_nothing(
         assert 0 < len(part.rows) < len(whole.rows) == COUNT
         assert "shard of fleet did not answer" in part.partial
         assert "shard of fleet" in store.learn().partial
-        more = Ingest("demo", store.had()).take(batch(spread(range(COUNT, COUNT + 100)), COUNT + 20), NOW_NS + DAY_NS)
+        later = batch(spread(range(COUNT, COUNT + 100)), COUNT + 20, sent_ns=NOW_NS + DAY_NS)
+        more = Ingest("demo", store.had()).take(later, NOW_NS + DAY_NS)
         with pytest.raises(StoreError):
             store.commit(more.commit)
         with pytest.raises(StoreError, match="nothing is learned from a part"):

@@ -54,10 +54,10 @@ def record(key: str, payload: bytes, number: int, heard_ns: int) -> BridgedRecor
     return BridgedRecord(key=key, payload=payload, attachment=mark, heard_ns=heard_ns)
 
 
-def batch(records: Sequence[BridgedRecord], first: int = 0, bridge: str = BRIDGE) -> BridgeBatch:
+def batch(records: Sequence[BridgedRecord], first: int = 0, bridge: str = BRIDGE, sent_ns: int = NOW_NS) -> BridgeBatch:
     """A batch of records."""
     return BridgeBatch(
-        t_ns=NOW_NS,
+        t_ns=sent_ns,
         bridge=bridge,
         lane="bulk",
         spool_id="s1",

@@ -30,7 +30,8 @@ def bring(store: Store, readings: Sequence[Reading] = READINGS, line: str = "dem
     """Readings as the train's measurements, committed."""
     ingest = Ingest(line, store.had())
     records = [_record(number, one, line) for number, one in enumerate(readings)]
-    taken = ingest.take(batch(records, bridge=f"{line}/train/T1/lte_bridge"), END_NS + DAY_NS)
+    brought = batch(records, bridge=f"{line}/train/T1/lte_bridge", sent_ns=END_NS + DAY_NS)
+    taken = ingest.take(brought, END_NS + DAY_NS)
     store.published(store.commit(taken.commit))
 
 

@@ -29,7 +29,8 @@ def opened(folder: Path, **settings: float) -> Iterator[tuple[DuckDbStore, Inges
 
 
 def take(store: DuckDbStore, ingest: Ingest, numbers: range, step: int = 1) -> Taken:
-    taken = ingest.take(batch([measurement(n * step) for n in numbers], numbers.start), NOW_NS + 40 * DAY_NS)
+    brought = batch([measurement(n * step) for n in numbers], numbers.start, sent_ns=NOW_NS + 40 * DAY_NS)
+    taken = ingest.take(brought, NOW_NS + 40 * DAY_NS)
     store.published(store.commit(taken.commit))
     ingest.confirm(taken)
     return taken
@@ -61,7 +62,7 @@ def test_pages_give_every_row_once_in_order_over_open_and_closed_days(tmp_path: 
         assert store.tend(NOW_NS + 4 * DAY_NS) == ""
         # What comes late for a closed day goes into a second file of it.
         other = msgspec.structs.replace(measurement(1), key=measurement(1).key.replace("/r1/", "/r2/"))
-        late = ingest.take(batch([service_event(1), other], 200), NOW_NS + 40 * DAY_NS)
+        late = ingest.take(batch([service_event(1), other], 200, sent_ns=NOW_NS + 40 * DAY_NS), NOW_NS + 40 * DAY_NS)
         store.commit(late.commit)
         assert store.tend(NOW_NS + 4 * DAY_NS).count("000002.parquet") == 1
         assert len(powers(store, everything)) == 201
@@ -116,7 +117,8 @@ store = DuckDbStore(Path(sys.argv[1]))
 ingest = Ingest("demo", store.had())
 first = int(sys.argv[2])
 while True:
-    taken = ingest.take(batch([measurement(n) for n in range(first, first + 200)], first), NOW_NS + DAY_NS)
+    records = [measurement(n) for n in range(first, first + 200)]
+    taken = ingest.take(batch(records, first, sent_ns=NOW_NS + DAY_NS), NOW_NS + DAY_NS)
     store.commit(taken.commit)
     ingest.confirm(taken)
     first += 200
