@@ -30,6 +30,11 @@ LEARNED: Final = (1.5, 1.25)
 seen then."""
 QUIET_AGAIN: Final = 2
 """Windows in a row that end a doubt."""
+SHAKEN_AGAIN: Final = 3
+"""Windows in a row after which a train that stood, and whose wheel has not turned since, may be pulled along: people
+who get on shake it for less."""
+UNFELT_NS: Final = 13_000_000_000
+"""So long before their end it was at rest: a train that departs is felt after ten seconds."""
 TURNING_MPS: Final = 0.5
 """A slower wheel stands, or is all but locked."""
 SPEED_S: Final = 0.5
@@ -90,7 +95,11 @@ class FirstRest:
         self._limits = limits_of(rest)
         self._times_ns = np.empty(0, np.int64)
         self._imu: SixAxes = np.empty((0, 6))
-        self._quiet = 0
+        self._was_quiet = True
+        self._alike = 0
+        """Windows in a row that were like the newest."""
+        self._done = False
+        """The wheel has turned: nothing is left to watch."""
         self._level_mps2: float | None = None
         """Mean of the force along the train while the wheel stood."""
         self._gained_mps = 0.0
@@ -103,7 +112,7 @@ class FirstRest:
 
     def take_imu(self, t_ns: Counts, imu: SixAxes) -> None:
         """Samples of the inertial sensor, finite ones."""
-        if self.state is Rest.SURE or not len(t_ns):
+        if self._done or not len(t_ns):
             return
         self._begin(int(t_ns[0]))
         if self._departed_ns is not None:
@@ -116,7 +125,7 @@ class FirstRest:
 
     def take_way(self, axle: str, t_ns: Counts, way_m: Floats) -> None:
         """Way of an axle's rim by its counts, shape (n,)."""
-        if self.state is Rest.SURE or not len(t_ns):
+        if self._done or not len(t_ns):
             return
         self._begin(int(t_ns[0]))
         old_ns, old_m = self._counts.get(axle, (np.empty(0, np.int64), np.empty(0)))
@@ -126,7 +135,7 @@ class FirstRest:
         newest_ns = int(all_ns[-1])
         self._judge_wheel(newest_ns)
         if self.state is Rest.WAITING and self._begun_ns is not None and newest_ns - self._begun_ns >= SILENT_S * 1e9:
-            self._doubt()
+            self._doubt(self._begun_ns)
 
     def _integrate(self, t_ns: Counts, ax_mps2: Floats) -> None:
         """Speed gained since the wheel began to turn, by the force beyond that of before."""
@@ -141,23 +150,26 @@ class FirstRest:
         if self._begun_ns is None:
             self._begun_ns = t_ns
 
-    def _doubt(self) -> None:
+    def _doubt(self, since_ns: int | None) -> None:
         self.state = Rest.UNSURE
-        self.unsure_since_ns = self._begun_ns
+        self.unsure_since_ns = since_ns
 
     def _judge_window(self) -> None:
         """The inertial sensor over one window."""
         quiet = len(self._times_ns) >= LEAST_SAMPLES and shaking_of(self._imu).within(self._limits)
         self._level_mps2 = float(np.mean(self._imu[:, 0]))
+        last_ns = int(self._times_ns[-1])
         self._times_ns, self._imu = np.empty(0, np.int64), np.empty((0, 6))
-        self._quiet = self._quiet + 1 if quiet else 0
-        if self.state is Rest.WAITING:
-            if quiet:
-                self.state = Rest.SURE
-            else:
-                self._doubt()
-        elif self._quiet >= QUIET_AGAIN:
+        self._alike = self._alike + 1 if quiet == self._was_quiet else 1
+        self._was_quiet = quiet
+        if self.state is Rest.WAITING and not quiet:
+            self._doubt(self._begun_ns)
+        elif self.state is Rest.WAITING:
+            self.state = Rest.SURE
+        elif self.state is Rest.UNSURE and quiet and self._alike >= QUIET_AGAIN:
             self.state = Rest.OVER
+        elif self.state is Rest.SURE and not quiet and self._alike >= SHAKEN_AGAIN:
+            self._doubt(max(self._begun_ns or 0, last_ns - UNFELT_NS))
 
     def _speed_mps(self) -> float:
         """Speed of the fastest axle's rim."""
@@ -172,8 +184,8 @@ class FirstRest:
         speed_mps = self._speed_mps()
         if abs(speed_mps) <= TURNING_MPS and self._departed_ns is None:
             return
-        if self.state is Rest.WAITING:
-            self.state = Rest.SURE
+        if self.state in {Rest.WAITING, Rest.SURE}:
+            self.state, self._done = Rest.SURE, True
             return
         if self._departed_ns is None:
             # No train gains more within the window over which the wheel's speed is taken.
@@ -184,6 +196,7 @@ class FirstRest:
             return
         agrees = abs(speed_mps - self._gained_mps) <= AGREE_MPS + AGREE_SHARE * abs(speed_mps)
         known = self._level_mps2 is not None
+        self._done = True
         self.state = Rest.SURE if agrees and known and not long else Rest.OVER
 
 

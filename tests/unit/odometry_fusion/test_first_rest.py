@@ -95,3 +95,12 @@ def test_samples_of_a_moving_train_teach_nothing() -> None:
     learned = RestShaking()
     learned.take_imu(np.arange(1, 301) * SECOND_NS // 100, np.ones((300, 6)), stands=False)
     assert learned.level is None
+
+
+def test_a_train_that_is_pulled_along_after_a_rest_is_not_taken_to_stand() -> None:
+    train = Train(FirstRest())
+    assert train.run(30.0, AT_REST) is Rest.SURE
+    assert train.run(2.0, UNDER_WAY) is Rest.SURE
+    assert train.run(2.2, UNDER_WAY) is Rest.UNSURE
+    assert train.rest.unsure_since_ns is not None
+    assert 15.0 < train.rest.unsure_since_ns / SECOND_NS < 25.0
