@@ -15,6 +15,7 @@ OVERHEAD_BYTES = 300
 """What a publication takes in memory beside payload and attachment, roughly."""
 UNDER_WAY_S = 1.0
 """What was said later than that ago is no gap yet: it may be on its way to a reader."""
+LOOK_S = 1.0
 MOST_KEYS_LISTED = 4096
 _Kept = tuple[int, float, bytes, bytes]
 """Sequence number, monotonic time, payload, attachment."""
@@ -32,6 +33,8 @@ class Retention:
         self._order: deque[deque[_Kept]] = deque()
         """The line of each publication kept, oldest first."""
         self._bytes = 0
+        self._due_s = 0.0
+        """When to look next for what is too old."""
 
     def keep(self, key: str, sequence: int, payload: bytes, attachment: bytes, now_s: float) -> None:
         """Keep one publication; those of a key come in the order of their numbers, without gap."""
@@ -41,7 +44,8 @@ class Retention:
         line.append((sequence, now_s, payload, attachment))
         self._order.append(line)
         self._bytes += len(payload) + len(attachment) + OVERHEAD_BYTES
-        self._let_go(now_s)
+        if self._bytes > self._most_bytes or now_s >= self._due_s:
+            self._let_go(now_s)
 
     def answer(self, question: RetainedQuestion, now_s: float, t_ns: int) -> RetainedAnswer:
         """What is wanted, as far as it is still kept."""
@@ -68,6 +72,7 @@ class Retention:
         return RetainedAnswer(t_ns=t_ns, boot_id=self._boot_id, kept=kept, records=tuple(records), more=more)
 
     def _let_go(self, now_s: float) -> None:
+        self._due_s = now_s + LOOK_S
         order = self._order
         oldest_s = now_s - self._most_s
         while order and (self._bytes > self._most_bytes or order[0][0][1] < oldest_s):

@@ -33,11 +33,13 @@ async def services_alive(bus: BusConfig, line: str = "*") -> list[Token]:
     """Services of a line, or of all lines, whose token stands now; in order of their names.
 
     Asks on a session of its own: a session that has just begun to watch tokens answers itself,
-    and with what it knows so far. Waits until a router answers.
+    and with what it knows so far. Waits until a router answers; nobody, when it goes away meanwhile.
     """
     session = await open_session(bus)
     try:
         return await asyncio.to_thread(tokens_alive, session, tokens_anywhere(line))
+    except zenoh.ZError:
+        return []
     finally:
         await asyncio.to_thread(close_session, session)
 
