@@ -10,17 +10,15 @@ import typer
 from services.runtime.told_command import UsageError, told
 
 if TYPE_CHECKING:
-    from services.radio_anomaly.file_analysis import Analysis
+    from collections.abc import Iterable
+
     from services.radio_anomaly.passes_file import Rows
-    from services.radio_anomaly.radio_model import RadioModel
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="The radio along the line: learn, analyse.")
 PassesFile = Annotated[Path, typer.Option("--in", help="passes.csv (or .csv.gz).")]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file (JSON).")]
 PlotFile = Annotated[Path | None, typer.Option("--plot", help="Picture: .png, .svg or .pdf.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-TABLE_ROWS = 40
-NAMED_PASSES = 5
 
 
 @app.command()
@@ -48,6 +46,7 @@ def learn(
         from services.radio_anomaly.passes_file import read_passes
         from services.radio_anomaly.radio_model_file import write_model
         from services.radio_anomaly.settings import Settings
+        from services.radio_anomaly.told_words import model_words
 
         settings = Settings(section_m=section_m, k=k, loss_power_dbm=loss_power_dbm)
         rows = read_passes(passes)
@@ -62,7 +61,7 @@ def learn(
             text = msgspec.json.encode({"origin": found.origin, "evidence": found.evidence, "sums": len(found.sums)})
             typer.echo(text.decode())
         else:
-            _say_learned(found)
+            _say(model_words(found))
 
 
 @app.command()
@@ -87,6 +86,7 @@ def analyse(
         from services.radio_anomaly.file_analysis import analyse as analysed
         from services.radio_anomaly.passes_file import read_passes
         from services.radio_anomaly.radio_model_file import read_model, write_model
+        from services.radio_anomaly.told_words import analysis_words
 
         known = read_model(model)
         rows = read_passes(passes)
@@ -110,7 +110,27 @@ def analyse(
         if as_json:
             typer.echo(msgspec.json.encode({"passes": found.passes, "events": found.events}).decode())
         else:
-            _say_events(found, known)
+            _say(analysis_words(found, known))
+
+
+@app.command()
+def show(model: ModelFile, *, as_json: Json = False) -> None:
+    """What a model was learned from, how often it reports what is normal, and what is open, a line an incident.
+
+    Example: kirotei radio show --model model.json
+    """
+    with told("radio show"):
+        import msgspec
+
+        from services.radio_anomaly.radio_model_file import read_model
+        from services.radio_anomaly.told_words import model_words, open_incidents
+
+        known = read_model(model)
+        if as_json:
+            fields = {name: getattr(known, name) for name in ("method", "origin", "evidence", "alarms", "events")}
+            typer.echo(msgspec.json.encode(fields).decode())
+        else:
+            _say([*model_words(known), *open_incidents(known)])
 
 
 @app.command()
@@ -219,39 +239,6 @@ def _say_refused(rows: Rows) -> None:
         typer.echo(f"{count} rows refused: {reason}", err=True)
 
 
-def _say_learned(model: RadioModel) -> None:
-    origin, evidence = model.origin, model.evidence
-    typer.echo(f"learned {origin.readings} readings of {origin.passes} passes, {origin.first_utc} to {origin.last_utc}")
-    if evidence is None:
-        typer.echo("method paper: no held-out false-alarm rate")
-    elif evidence.rate is None or evidence.rate_high is None:
-        typer.echo("too few passes for a held-out false-alarm rate")
-    else:
-        typer.echo(
-            f"held out in {evidence.folds} folds: {evidence.reported} of {evidence.cells} normal pass-sections "
-            f"reported, {evidence.rate:.2%} (95 %: up to {evidence.rate_high:.2%})"
-        )
-        if evidence.suspicious:
-            more = (
-                f" and {len(evidence.suspicious) - NAMED_PASSES} more"
-                if len(evidence.suspicious) > NAMED_PASSES
-                else ""
-            )
-            names = ", ".join(evidence.suspicious[:NAMED_PASSES])
-            typer.echo(f"not like the others, was everything normal on them? {names}{more}")
-
-
-def _say_events(found: Analysis, model: RadioModel) -> None:
-    rate = "" if model.evidence is None or model.evidence.rate is None else f"; held out {model.evidence.rate:.2%}"
-    typer.echo(f"{found.passes} passes, {len({one.event_id for one in found.events})} events{rate}")
-    for name, count in sorted(found.learning.items()):
-        typer.echo(f"learning {name}: too few passes known, nothing raised on {count}")
-    for event in found.events[:TABLE_ROWS]:
-        sure = "" if event.confirmed else "?"
-        typer.echo(
-            f"{event.pass_id}  {event.radio} {event.channel} {event.direction or '-'}  "
-            f"{event.section_start_m:.0f}-{event.section_end_m:.0f} m  {event.kind}{sure} {event.phase}  "
-            f"{event.cause}: {event.reason}"
-        )
-    if len(found.events) > TABLE_ROWS:
-        typer.echo(f"… and {len(found.events) - TABLE_ROWS} more in the file")
+def _say(lines: Iterable[str]) -> None:
+    for line in lines:
+        typer.echo(line)

@@ -27,6 +27,8 @@ class OpenEvent(msgspec.Struct, kw_only=True):
     first_seen_ns: int
     confirmed: bool
     quiet: int = 0
+    passes: int = 0
+    """On which it was found."""
     cause: Cause = "unknown"
     """As told last."""
     incident_id: str = ""
@@ -80,6 +82,7 @@ class EventBook:
         ended = []
         for one in self.open:
             if one.event_id in self._seen:
+                one.passes += 1
                 continue
             here = sum(one.covers(section) for section in journey.passed)
             if here >= max(1, (one.length or len(journey.passed)) // 2):

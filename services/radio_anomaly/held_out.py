@@ -56,7 +56,7 @@ def held_out(journeys: Sequence[Journey], settings: Settings) -> HeldOut:
                 monitor.learn(journey)
         monitors.append(monitor)
     correlation = _correlation(journeys, block, monitors)
-    cells = reported = 0
+    cells = alarms = 0
     suspicious = []
     memory = WindowMemory()
     for journey, of in zip(journeys, block, strict=True):
@@ -64,21 +64,11 @@ def held_out(journeys: Sequence[Journey], settings: Settings) -> HeldOut:
         monitor.correlation = correlation
         monitor.windows = memory
         judgement = monitor.judge(journey)
-        seen = {
-            (stream[1:], int(section))
-            for stream, view in judgement.views.items()
-            for section in view.residuals.sections
-        }
-        wolf = {
-            ((one.radio, one.channel), one.start + k)
-            for one in judgement.findings
-            if one.confirmed
-            for k in range(one.length)
-        }
+        seen, wolf = judgement.cells, judgement.reported
         for stream, sums in judgement.sums.items():
             memory.put(stream, sums)
         cells += len(seen)
-        reported += len(seen & wolf)
+        alarms += len(seen & wolf)
         if seen & wolf:
             suspicious.append(journey.pass_id)
     known = cells >= LEAST_CELLS
@@ -86,9 +76,9 @@ def held_out(journeys: Sequence[Journey], settings: Settings) -> HeldOut:
         folds=folds,
         passes=len(journeys),
         cells=cells,
-        reported=reported,
-        rate=reported / cells if known else None,
-        rate_high=wilson_high(reported, cells) if known else None,
+        reported=alarms,
+        rate=alarms / cells if known else None,
+        rate_high=wilson_high(alarms, cells) if known else None,
         correlation=correlation,
         suspicious=tuple(suspicious),
     )

@@ -10,6 +10,7 @@ import msgspec
 
 from schemas.radio import RadioAcceptance
 from services.radio_anomaly.acceptance import Acceptances
+from services.radio_anomaly.alarm_count import CHANCE_PASSES, AlarmCount, Cell
 from services.radio_anomaly.baseline import Mask
 from services.radio_anomaly.cause import snowing
 from services.radio_anomaly.event_book import EventBook
@@ -44,6 +45,21 @@ class Judgement(msgspec.Struct, frozen=True, kw_only=True):
     learning: tuple[RadioChannel, ...]
     """Radios and channels about which too little is known."""
 
+    @property
+    def cells(self) -> set[Cell]:
+        """Sections of radios and channels that were judged."""
+        return {(stream[1:], int(s)) for stream, view in self.views.items() for s in view.residuals.sections}
+
+    @property
+    def reported(self) -> set[Cell]:
+        """Sections in confirmed findings."""
+        return {
+            ((one.radio, one.channel), one.start + k)
+            for one in self.findings
+            if one.confirmed
+            for k in range(one.length)
+        }
+
 
 class Monitor:
     """What was learned, what is remembered of the last passes, and the events that are open."""
@@ -59,6 +75,7 @@ class Monitor:
         self.events = EventBook()
         self.acceptances = Acceptances()
         self.curve = ReceptionCurve()
+        self.alarms = AlarmCount()
         self.pending: list[tuple[Journey, dict[RadioChannel, frozenset[int]]]] = []
 
     def mask(self, key: RadioChannel) -> Mask | None:
@@ -216,6 +233,12 @@ class Monitor:
         for stream, points in judgement.points.items():
             self.trend_memory.put(stream, points)
         self.presence.remember(journey, judgement.silences)
+        cells = judgement.cells
+        lasting = [one for one in self.events.open if one.confirmed and one.passes > CHANCE_PASSES]
+        held = {
+            cell for cell in cells for one in lasting if (one.radio, one.channel) == cell[0] and one.covers(cell[1])
+        }
+        self.alarms.add(cells, judgement.reported, held)
         if self.pending and self.pending[-1][0].day != journey.day:
             self.end_day()
         self.pending.append((journey, self._withheld(journey, judgement, sky)))

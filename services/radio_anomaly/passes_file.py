@@ -115,6 +115,9 @@ def _reading(row: dict[str, str], present: tuple[str, ...]) -> Reading:
     if direction not in ("up", "down", ""):
         reason = "direction neither up nor down"
         raise _RefusedError(reason, f"{reason}: {direction!r}")
+    if not chainage and row.get("side") == "onboard":
+        reason = "no place, though measured on board"
+        raise _RefusedError(reason)
     if bool(direction) != bool(chainage):
         reason = "one of chainage_m and direction without the other"
         raise _RefusedError(reason)

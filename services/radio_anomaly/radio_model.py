@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from schemas.radio import BinSums, RadioAcceptance
 from services.radio_anomaly.acceptance import Acceptances
+from services.radio_anomaly.alarm_count import AlarmCount
 from services.radio_anomaly.baseline import Book, Sums
 from services.radio_anomaly.event_book import EventBook, OpenEvent
 from services.radio_anomaly.held_out import HeldOut
@@ -71,6 +72,8 @@ class RadioModel(msgspec.Struct, frozen=True, kw_only=True):
     """Radio, channel, direction, section, passes that heard it, passes there before it was heard first."""
     silent: tuple[tuple[str, str, int], ...] = ()
     curve: ReceptionCurve = msgspec.field(default_factory=ReceptionCurve)
+    alarms: AlarmCount = msgspec.field(default_factory=AlarmCount)
+    """Of passes judged before they were learned."""
     windows: tuple[tuple[Window, tuple[tuple[float, float], ...]], ...] = ()
     trends: tuple[tuple[Window, tuple[Point, ...]], ...] = ()
     events: tuple[OpenEvent, ...] = ()
@@ -102,6 +105,7 @@ def model_of(monitor: Monitor, origin: Origin, evidence: HeldOut | None) -> Radi
         ),
         silent=tuple(sorted(monitor.presence.silent)),
         curve=monitor.curve,
+        alarms=msgspec.structs.replace(monitor.alarms),
         windows=tuple(sorted(monitor.windows.kept.items())),
         trends=tuple(sorted(monitor.trend_memory.kept.items(), key=lambda item: item[0])),
         events=tuple(monitor.events.open),
@@ -135,6 +139,7 @@ def monitor_of(model: RadioModel) -> Monitor:
         monitor.presence.since[(radio, channel, direction, section)] = since
     monitor.presence.silent = set(model.silent)
     monitor.curve = model.curve
+    monitor.alarms = msgspec.structs.replace(model.alarms)
     monitor.windows.kept = dict(model.windows)
     monitor.trend_memory.kept = dict(model.trends)
     monitor.events = EventBook(model.events)

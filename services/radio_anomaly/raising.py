@@ -55,6 +55,12 @@ class Raiser:
         """For a monitor and the evidence of its model."""
         self._monitor, self._evidence = monitor, evidence
 
+    @property
+    def false_alarm_rate(self) -> float | None:
+        """Of the passes that were held out of the model, else of those judged before they were learned."""
+        held_out = self._evidence.false_alarm_rate
+        return self._monitor.alarms.rate if held_out is None else held_out
+
     def take(self, journey: Journey, sky: Sky = no_weather) -> tuple[list[RadioEvent], Judgement]:
         """Judge a pass, tell its events (also those that ended), and remember it."""
         judgement = self._monitor.judge(journey)
@@ -293,7 +299,7 @@ class Raiser:
             kind=event.kind,
             pass_id=journey.pass_id,
             first_seen_ns=event.first_seen_ns,
-            false_alarm_rate=self._evidence.false_alarm_rate,
+            false_alarm_rate=self.false_alarm_rate,
             **fields,  # type: ignore[arg-type]  # named after the event's fields by the callers above
         )
 

@@ -51,7 +51,10 @@ class Reading(msgspec.Struct, frozen=True, gc=False, kw_only=True):
 
 
 def reading_of(message: RadioMeasurement) -> Reading:
-    """A message of the bus as a reading. A place without a direction, or the reverse, counts as none."""
+    """A message of the bus as a reading. A place without a direction, or the reverse, counts as none.
+
+    On board a measurement without a place (`lacks_place`) is of no use here; elsewhere it is that of a site.
+    """
     placed = message.chainage_m is not None and message.direction is not None
     return Reading(
         t_ns=message.t_ns,
@@ -69,6 +72,11 @@ def reading_of(message: RadioMeasurement) -> Reading:
         temperature_c=message.temperature_c,
         tx_power_dbm=message.tx_power_dbm,
     )
+
+
+def lacks_place(message: RadioMeasurement) -> bool:
+    """Whether the place of a measurement made on board is not known: it is neither of the line nor of a site."""
+    return message.side == "onboard" and (message.chainage_m is None or message.direction is None)
 
 
 def refusal_of(reading: Reading) -> str | None:

@@ -23,7 +23,7 @@ from services.radio_anomaly.passes import Journey, binned, sorted_passes
 from services.radio_anomaly.radio_model import Origin, RadioModel, evidence_of, model_of, monitor_of
 from services.radio_anomaly.radio_model_file import read_model, write_model
 from services.radio_anomaly.raising import Raiser
-from services.radio_anomaly.reading import reading_of, refusal_of
+from services.radio_anomaly.reading import lacks_place, reading_of, refusal_of
 from services.radio_anomaly.section_words import section_messages
 from services.radio_anomaly.settings import Settings
 from services.radio_anomaly.weather_map import Sky, WeatherMap
@@ -95,6 +95,12 @@ class _Watch:
         if reason is not None:
             node.health.refuse(f"{arrival.key}: {reason}", node.clock.monotonic_s())
             return
+        if lacks_place(measurement):
+            # Not a site's history either: where a train was that nobody could place, it was somewhere else each time.
+            node.health.count("no_place")
+            node.health.set(f"no_place {arrival.place.name}", f"{arrival.key}: no place, so nothing is watched there")
+            return
+        node.health.clear(f"no_place {arrival.place.name}")
         node.health.count("measurements")
         device = arrival.fields["device"]
         source = f"{arrival.place}/{device}/{'line' if reading.direction else 'site'}"

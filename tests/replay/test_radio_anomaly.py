@@ -162,6 +162,19 @@ def test_a_new_normal_is_taken_from_the_bus(model_file: Path) -> None:
     assert not {"P031", "P033", "P035"} & sure
 
 
+def test_what_a_train_measures_without_its_place_is_no_sites_history(tmp_path: Path) -> None:
+    begin_ns = one_pass(0)[0].t_ns
+    rows = [
+        RadioMeasurement(
+            t_ns=begin_ns + k * 60 * 10**9, radio="T7", channel="ch1", decoded_power_dbm=-70.0 - 25.0 * (k > 90)
+        )
+        for k in range(120)
+    ]
+    samples = [sample(RADIO_MEASUREMENT, one, k, device="cab") for k, one in enumerate(rows)]
+    assert said(samples, Config(state_folder=str(tmp_path))) == ([], [])
+    assert read_model(next((tmp_path / "radio_anomaly").glob("*.json"))).sums == ()
+
+
 def test_a_site_without_a_place_is_watched_over_time() -> None:
     rows = [
         Reading(

@@ -71,6 +71,16 @@ def test_rows_that_cannot_be_used_are_named_by_file_and_line(tmp_path: Path, row
     assert word in found.named[0]
 
 
+def test_what_was_measured_on_board_without_a_place_is_no_sites(tmp_path: Path) -> None:
+    path = tmp_path / "passes.csv"
+    head = "time,pass_id,radio,channel,direction,chainage_m,power_dbm,side\n"
+    rows = "2026-01-05T08:00:00Z,,W1,c,,,-80,onboard\n2026-01-05T08:00:00Z,,W1,c,,,-80,wayside\n"
+    path.write_text(head + rows, "utf-8")
+    found = read_passes(path)
+    assert [one.direction for one in found.readings] == [None]
+    assert found.refused == {"no place, though measured on board": 1}
+
+
 def test_a_file_that_is_none_is_one_clear_error(tmp_path: Path) -> None:
     path = tmp_path / "passes.csv"
     path.write_text("a,b\n1,2\n", "utf-8")
@@ -132,6 +142,8 @@ def test_learn_and_analyse_by_command(folder: Path) -> None:
     assert {row["kind"] for row in sure} == {"below"}
     assert {row["pass_id"] for row in sure} >= {"P028", "P029", "P030", "P031"}
     assert all(float(row["section_start_m"]) < 2500.0 and float(row["section_end_m"]) > 1500.0 for row in sure)
+    assert len({row["incident_id"] for row in sure}) == 1, "one fault is one line"
+    assert sure[-1]["incident"].startswith("obstruction, 1 event: W1 ch1 ")
     assert plot.stat().st_size > 10_000
     assert (folder / "model.png").stat().st_size > 10_000
     first = out.read_bytes(), plot.read_bytes()
@@ -139,6 +151,9 @@ def test_learn_and_analyse_by_command(folder: Path) -> None:
     assert (out.read_bytes(), plot.read_bytes()) == first
     run("analyse", "--in", folder / "later.csv", "--model", model, "--out", out, "--update")
     assert model.read_bytes() != kept
+    shown = run("show", "--model", model)
+    assert "held out" in shown
+    assert "open: obstruction, 1 event: W1 ch1 " in shown
 
 
 def test_the_papers_method_by_command(folder: Path) -> None:

@@ -175,6 +175,25 @@ def test_lost_reception_with_unchanged_power_is_interference() -> None:
     assert "reception 50%" in found[0].reason
 
 
+def test_a_model_that_learns_as_it_goes_has_a_false_alarm_rate_of_its_own() -> None:
+    monitor = Monitor(SETTINGS)
+    raiser = Raiser(monitor, Evidence())
+    for number in range(20):
+        raiser.take(binned(one_pass(number), SETTINGS))
+    assert monitor.alarms.rate is None, "16 passes of 40 sections are too few"
+    for number in range(20, 40):
+        raiser.take(binned(one_pass(number), SETTINGS))
+    normal = monitor.alarms.rate
+    assert normal is not None
+    assert normal <= 0.01, "wanted of every model"
+    for number in range(40, 70):
+        before = raiser.false_alarm_rate
+        events, _ = raiser.take(binned(one_pass(number, change_db=-10.0, stretch=(15, 25)), SETTINGS))
+    assert {one.false_alarm_rate for one in events} == {before}, "with every event"
+    # Of thirty passes with ten bad sections the first three count, among forty sections each.
+    assert monitor.alarms.reported <= 40.0
+
+
 def test_judging_changes_nothing() -> None:
     watch = Watch()
     journey = binned(one_pass(24, change_db=-10.0, stretch=(15, 25)), SETTINGS)
