@@ -6,6 +6,7 @@ energy-saving run differs from the others.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -102,11 +103,14 @@ def reaccelerations(speeds_mps: Floats, grid_m: Floats) -> list[tuple[Reaccelera
     if len(dips) < 2:  # noqa: PLR2004 - alone, nothing tells a restriction from a habit
         return [() for _ in dips]
 
-    def usual(dip: Reacceleration) -> bool:
-        others = sum(any(abs(one.at_m - dip.at_m) <= SAME_PLACE_M for one in run) for run in dips)
-        return others > USUAL_SHARE * len(dips)
-
-    return [tuple(dip for dip in run if not usual(dip)) for run in dips]
+    places = np.array([dip.at_m for run in dips for dip in run])
+    runs = np.array([number for number, run in enumerate(dips) for _ in run])
+    # Places lie on the grid: few of them differ, however many runs there are.
+    usual = {
+        at: len(np.unique(runs[np.abs(places - at) <= SAME_PLACE_M])) > USUAL_SHARE * len(dips)
+        for at in np.unique(places).tolist()
+    }
+    return [tuple(dip for dip in run if not usual[dip.at_m]) for run in dips]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,11 +130,20 @@ class Difference:
     """Mean number."""
 
 
-def difference_of(speeds_mps: Floats, grid_m: Floats, best: int, limit_mps: Floats | None) -> Difference:
-    """Difference of run `best` of a population (runs, places); limits have shape (places,), None: not known."""
+def difference_of(
+    speeds_mps: Floats,
+    grid_m: Floats,
+    best: int,
+    limit_mps: Floats | None,
+    dips: Sequence[Sequence[Reacceleration]],
+) -> Difference:
+    """Difference of run `best` of a population (runs, places); limits have shape (places,), None: not known.
+
+    `dips`: what `reaccelerations` gave for the population.
+    """
     others = np.median(speeds_mps, axis=0)
     tops = speeds_mps.max(axis=1)
-    again = [len(one) for one in reaccelerations(speeds_mps, grid_m)]
+    again = [len(one) for one in dips]
     before = int(np.argmin(np.abs(grid_m - max(float(grid_m[-1]) - APPROACH_M, 0.0))))
     limited = limited_others = None
     if limit_mps is not None and np.isfinite(limit_mps).any():

@@ -48,6 +48,8 @@ class OptimumReport:
                     "until_axis_m": one.until_axis_m,
                     "from_kmh": one.from_kmh,
                     "until_kmh": one.until_kmh,
+                    "from_s": one.from_s,
+                    "until_s": one.until_s,
                 }
                 for one in advice_of(self.profile)
             ],

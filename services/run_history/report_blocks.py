@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from matplotlib.figure import Figure
 
+from services.run_history.report_lines import advice_lines, difference_lines, row_of_trace, sheet_lines
+from services.run_history.report_reasons import in_language
 from services.run_history.report_tables import Table, left_out_line, margin_table, name_of, reception_table
-from services.run_history.report_words import Language, difference_lines, row_of_trace, said, sheet_lines
+from services.run_history.report_words import Language, said
 from services.run_history.run_plot import crew_sheet, distributions, overlay, patterns
 from services.run_history.run_report import RunReport, SectionReport
 from services.run_history.run_statistics import local_hour
@@ -30,8 +33,8 @@ class Block:
     caption: str = ""
 
 
-def blocks_of(report: RunReport, language: Language, sheets: int) -> Iterator[Block]:
-    """Blocks in order; pictures are drawn when asked for. `sheets`: most crew sheets."""
+def blocks_of(report: RunReport, language: Language) -> Iterator[Block]:
+    """Blocks in order; pictures are drawn when asked for."""
     yield Block(heading=said("title", language), level=1)
     chosen = report.selection
     summary = said(
@@ -61,24 +64,28 @@ def blocks_of(report: RunReport, language: Language, sheets: int) -> Iterator[Bl
         table = reception_table(report.reception, language)
         if table.rows:
             yield Block(table=table)
-    yield from _sheets(report, language, sheets)
+    yield from _sheets(report, language)
     if report.notes:
         more = len(report.notes) - MOST_NOTES
         yield Block(heading=said("notes", language))
-        yield Block(lines=(*report.notes[:MOST_NOTES], *((f"… {more}",) if more > 0 else ())))
+        told = tuple(in_language(note, language) for note in report.notes[:MOST_NOTES])
+        yield Block(lines=(*told, *((said("more", language, count=more),) if more > 0 else ())))
 
 
 def _section(section: SectionReport, language: Language) -> Iterator[Block]:
     name = name_of(section)
     yield Block(heading=f"{name} ({said(section.group.direction, language)})")
     if section.group.left_out:
-        yield Block(lines=(f"{said('left_out', language)}: {left_out_line(section)}",))
+        yield Block(lines=(f"{said('left_out', language)}: {left_out_line(section, language)}",))
     if section.driving is not None:
         yield Block(
             picture=lambda: overlay(section, language),
             caption=f"{said('overlay', language)}: {name}",
         )
         yield Block(lines=tuple(difference_lines(section, language)))
+        advice = advice_lines(section, language)
+        if advice:
+            yield Block(lines=(f"{said('advice', language)}:", *advice))
         if any(one.row is not None for one in section.patterns):
             yield Block(
                 picture=lambda: patterns(section, language),
@@ -91,27 +98,23 @@ def _section(section: SectionReport, language: Language) -> Iterator[Block]:
         )
 
 
-def _sheets(report: RunReport, language: Language, most: int) -> Iterator[Block]:
-    made = 0
-    for section in report.sections:
-        for run, trace in enumerate(section.driving.traces if section.driving else ()):
-            if made >= most:
-                return
-            made += 1
-            row = row_of_trace(section, trace)
-            yield Block(heading=f"{said('sheet', language)}: {row.run_id}, {name_of(section)}")
-            yield Block(
-                picture=lambda section=section, run=run: crew_sheet(section, run, language),  # type: ignore[misc] # mypy: defaults bind the loop's values
-                caption=f"{said('sheet', language)}: {row.run_id}",
-            )
-            facts = (
-                ("hour", f"{int(local_hour(row.departure_s, report.selection.zone))}"),
-                ("running_time", f"{row.running_time_s:.0f}" + _of(row.scheduled_s)),
-                ("energy_kwh", f"{row.energy_kwh:.2f} ± {row.energy_sigma_kwh:.2f}"),
-                ("energy", f"{section.group.energies[section.group.rows.index(row)]:.3f}"),
-            )
-            told = " · ".join(f"{said(key, language)} {value}" for key, value in facts)
-            yield Block(lines=(told, *sheet_lines(section, run, language)))
+def _sheets(report: RunReport, language: Language) -> Iterator[Block]:
+    for section, run in report.sheets:
+        if section.driving is None:
+            continue
+        row = row_of_trace(section, section.driving.traces[run])
+        yield Block(heading=f"{said('sheet', language)}: {row.run_id}, {name_of(section)}")
+        yield Block(
+            picture=partial(crew_sheet, section, run, language), caption=f"{said('sheet', language)}: {row.run_id}"
+        )
+        facts = (
+            ("hour", f"{int(local_hour(row.departure_s, report.selection.zone))}"),
+            ("running_time", f"{row.running_time_s:.0f}" + _of(row.scheduled_s)),
+            ("energy_kwh", f"{row.energy_kwh:.2f} ± {row.energy_sigma_kwh:.2f}"),
+            ("energy", f"{section.group.energies[section.group.rows.index(row)]:.3f}"),
+        )
+        told = " · ".join(f"{said(key, language)} {value}" for key, value in facts)
+        yield Block(lines=(told, *sheet_lines(section, run, language)))
 
 
 def _of(scheduled_s: float | None) -> str:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
 if TYPE_CHECKING:
-    from services.run_history.run_analysis import LegRun
     from services.run_history.run_report import Evidence
     from services.run_history.run_rows import RunRow
+    from services.run_history.trace_store import TraceStore
     from services.run_history.vehicle import Vehicle
 
 Out = Annotated[Path, typer.Option("--out", help="report.html or report.pdf; tables are written beside it.")]
@@ -44,6 +44,7 @@ def report(
     zone: Zone = "Asia/Tokyo",
     within: Within = 10.0,
     sheets: Sheets = 10,
+    processes: Annotated[int, typer.Option("--processes", min=1, max=64, help="Analyse in so many processes.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print a summary as JSON.")] = False,
 ) -> None:
     """Statistics, energy-saving margin, diagrams and crew sheets of runs, as a page and as tables.
@@ -51,32 +52,33 @@ def report(
     Example: kirotei runs report --log gpx/ --line line.json --vehicle vehicle.toml --out report.html
     """
     from services.run_history.report_file import salt_beside, write_report, write_tables
-    from services.run_history.run_report import report_of
+    from services.run_history.run_report import Wishes, report_of
     from services.run_history.run_statistics import Selection
     from services.run_history.runs_table_file import read_rows
     from services.run_history.timetable_file import read_timetable
+    from services.run_history.trace_store import TraceStore
     from services.runtime.told_command import UsageError, told
 
-    with told("runs report"):
+    with told("runs report"), TraceStore() as store, TraceStore() as monitor:
         _refuse(out, runs, log, line, vehicle, reference, timetable)
-        selection = Selection(from_hour, until_hour, _known_zone(zone))
+        wishes = Wishes(Selection(from_hour, until_hour, _known_zone(zone)), within, sheets)
         salt = None if names else salt_beside(out)
         evidence: Evidence | None = None
+        rows: Sequence[RunRow] = ()
         notes: list[str] = []
         if log is not None and line is not None and vehicle is not None:
-            evidence, notes = _evidence(log, line, vehicle, reference, salt)
+            scheduled = read_timetable(timetable) if timetable is not None else {}
+            sources = _Sources(log, line, vehicle, reference, processes)
+            evidence, rows, notes = _evidence(sources, scheduled, store, monitor, salt)
         if runs is not None:
-            rows: Sequence[RunRow] = read_rows(runs)
-        else:
-            rows = _rows(evidence, read_timetable(timetable) if timetable is not None else {})
+            rows = read_rows(runs)
         if not rows:
             msg = "no leg from station to station in it: nothing to report"
-            raise UsageError(msg)
-        found = report_of(rows, selection, evidence, salt, within, notes)
-        if found.counted == 0:
-            found_notes = (*found.notes, "no run counts: widen the hours (--from-hour, --until-hour, --zone)")
-            found = report_of(rows, selection, evidence, salt, within, found_notes)
-        note = write_report(out, found, lang, sheets)
+            raise UsageError("; ".join((msg, *notes)))
+        if not any(wishes.selection.holds(row.departure_s) for row in rows if not row.excluded_because):
+            notes.append("no run counts: widen the hours (--from-hour, --until-hour, --zone)")
+        found = report_of(rows, wishes, evidence, salt, notes)
+        note = write_report(out, found, lang)
         tables = write_tables(out, found)
     if as_json:
         summary = {
@@ -143,65 +145,58 @@ def _vehicle(path: Path) -> Vehicle:
     return demo_vehicle() if str(path) == DEMO else read_vehicle(path)
 
 
+class _Sources(NamedTuple):
+    """Where a report's evidence comes from."""
+
+    log: Path
+    line: Path
+    vehicle: Path
+    reference: Path | None
+    processes: int
+
+
 def _evidence(
-    log: Path, line: Path, vehicle: Path, reference: Path | None, salt: bytes | None
-) -> tuple[Evidence, list[str]]:
-    """Legs, reference and reception of logs, and notes on them, which name runs as the report does."""
+    sources: _Sources,
+    scheduled: dict[tuple[str, str], float],
+    store: TraceStore,
+    monitor: TraceStore,
+    salt: bytes | None,
+) -> tuple[Evidence, list[RunRow], list[str]]:
+    """Evidence with its speeds in the stores, rows of legs, and notes, which name runs as the report does."""
     from services.line.alignment import alignment_of, routes
     from services.line.line_file import load_line
-    from services.line.route_projection import project_run
-    from services.run_history.log_track import PLACE_SIGMA_M
     from services.run_history.pseudonym import pseudonym
-    from services.run_history.reception_survey import survey
-    from services.run_history.run_analysis import analyse_run
+    from services.run_history.report_evidence import LogJob, gather
     from services.run_history.run_report import Evidence
+    from services.run_history.run_rows import normalised
     from services.run_history.runs_log_file import read_runs
 
-    whole = load_line(line).line
-    ways = [alignment_of(whole, branch) for branch in routes(whole)]
-    train = _vehicle(vehicle)
-    legs: list[LegRun] = []
-    notes: list[str] = []
-    heard = []
-    for run in read_runs(log):
-        result = analyse_run(run, ways, whole.stations, train)
-        legs += result.legs
-        if result.note:
-            named = result.run_id if salt is None else pseudonym(result.run_id, salt)
-            notes.append(f"{named}: {result.note}")
-        if len(run.t_unix_s) > 1:
-            t = run.t_unix_s - run.t_unix_s[0]
-            placed = project_run(ways, t, run.lat_deg, run.lon_deg, PLACE_SIGMA_M)
-            heard.append((t, placed.axis_m, run.speed_mps))
-    compared: list[LegRun] = []
-    for run in read_runs(reference) if reference is not None else ():
-        compared += analyse_run(run, ways, whole.stations, train).legs
+    whole = load_line(sources.line).line
+    train = _vehicle(sources.vehicle)
+    job = LogJob(whole, train, scheduled)
+    found = gather(read_runs(sources.log), job, store, sources.processes)
+    if sources.reference is not None:
+        gather(read_runs(sources.reference), job, monitor, sources.processes)
+    notes = [f"{run if salt is None else pseudonym(run, salt)}: {note}" for run, note in found.notes]
     if train.assumed():
         notes.append(f"{train.name}: assumed, for no source is stated: {', '.join(train.assumed())}")
-    return Evidence(ways[0], train, tuple(legs), tuple(compared), tuple(survey(heard))), notes
-
-
-def _rows(evidence: Evidence | None, scheduled: dict[tuple[str, str], float]) -> list[RunRow]:
-    from services.run_history.run_rows import normalised, row_of
-
-    if evidence is None:
-        return []
-    return normalised([row_of(leg, evidence.vehicle.group, scheduled, None) for leg in evidence.legs])
+    way = alignment_of(whole, routes(whole)[0])
+    return Evidence(way, train, store, monitor, found.reception), normalised(found.rows), notes
 
 
 def demo(
     *,
     out: Annotated[Path, typer.Option("--out", help="Folder for log, vehicle file and report; made if need be.")],
-    runs: Annotated[int, typer.Option("--runs", min=1, max=500, help="Runs, half of them each way.")] = 24,
+    runs: Annotated[int, typer.Option("--runs", min=1, max=500, help="Runs, half of them each way.")] = 30,
     scenario: Annotated[str, typer.Option("--scenario", help="Train scenario of the simulator.")] = "demo_line",
     lang: Lang = "en",
     pdf: Annotated[bool, typer.Option("--pdf", help="PDF instead of HTML.")] = False,
 ) -> None:
-    """Simulate runs of a line over days, log them as a tablet would, and make the whole report of them.
+    """Simulate runs of a line over days, log them on board (some by a tablet), and make the whole report of them.
 
     Example: kirotei runs demo --out demo_runs
     """
-    from services.run_history.demo_vehicle import DEMO_TOML
+    from services.run_history.demo_vehicle import vehicle_text
     from services.run_history.runs_log_writer_file import write_runs_log
     from services.run_history.simulated_runs import simulated_runs
     from services.runtime.told_command import UsageError, told
@@ -217,6 +212,6 @@ def demo(
         out.mkdir(parents=True, exist_ok=True)
         log, vehicle = out / "runs_log.csv", out / "vehicle.toml"
         write_runs_log(log, simulated_runs(chosen, loaded.alignment, runs))
-        vehicle.write_text(DEMO_TOML, "utf-8")
+        vehicle.write_text(vehicle_text(chosen.motion.vehicle), "utf-8")
     line = Path(chosen.line or "demo")
     report(out=out / ("report.pdf" if pdf else "report.html"), log=log, line=line, vehicle=vehicle, lang=lang)

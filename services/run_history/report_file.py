@@ -86,15 +86,15 @@ def salt_beside(out: Path) -> bytes:
     return salt
 
 
-def write_report(out: Path, report: RunReport, language: Language, sheets: int) -> str:
+def write_report(out: Path, report: RunReport, language: Language) -> str:
     """Write HTML or PDF by the ending; gives a note, or nothing. Raises ReportFileError, OSError."""
     match out.suffix.lower():
         case ".html" | ".htm":
-            _write_html(out, report, language, sheets)
+            _write_html(out, report, language)
             return ""
         case ".pdf":
             fitting: Language = language if language == "en" or cjk_font() else "en"
-            _write_pdf(out, report, fitting, sheets)
+            _write_pdf(out, report, fitting)
             if fitting != language:
                 return NO_FONT
             return "" if cjk_font() or not _names_cjk(report) else NO_FONT_NAMES
@@ -125,9 +125,9 @@ def _drawing() -> Iterator[None]:
         yield
 
 
-def _write_html(out: Path, report: RunReport, language: Language, sheets: int) -> None:
+def _write_html(out: Path, report: RunReport, language: Language) -> None:
     with _drawing():
-        text = page(((block, _svg(block)) for block in blocks_of(report, language, sheets)), language)
+        text = page(((block, _svg(block)) for block in blocks_of(report, language)), language)
     _put(out, text.encode())
 
 
@@ -141,11 +141,11 @@ def _svg(block: Block) -> str:
     return drawn.getvalue()
 
 
-def _write_pdf(out: Path, report: RunReport, language: Language, sheets: int) -> None:
+def _write_pdf(out: Path, report: RunReport, language: Language) -> None:
     drawn = io.BytesIO()
     facts = {"CreationDate": None, "Title": "Kirotei"}
     with _drawing(), PdfPages(drawn, metadata=facts) as pages:
-        for figure in _pages(blocks_of(report, language, sheets), WRAP[language]):
+        for figure in _pages(blocks_of(report, language), WRAP[language]):
             FigureCanvasAgg(figure)
             pages.savefig(figure)
     _put(out, drawn.getvalue())

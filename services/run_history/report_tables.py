@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from services.run_history.reception_survey import Reception
+from services.run_history.report_reasons import in_language
 from services.run_history.report_words import Language, said
 from services.run_history.run_report import RunReport, SectionReport
 from services.run_history.run_statistics import local_hour
@@ -68,9 +69,10 @@ def _margin_row(section: SectionReport, language: Language) -> tuple[str, ...]:
     )
 
 
-def left_out_line(section: SectionReport) -> str:
+def left_out_line(section: SectionReport, language: Language) -> str:
     """Why legs of a group do not count, with their number."""
-    return ", ".join(f"{reason}: {count}" for reason, count in section.group.left_out)
+    comma, colon = (", ", ": ") if language == "en" else (",", ":")
+    return comma.join(f"{in_language(reason, language)}{colon}{count}" for reason, count in section.group.left_out)
 
 
 def reception_table(reception: Sequence[Reception], language: Language, most: int = 20) -> Table:

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-from services.run_history.run_report import Driving, SectionReport, same_leg
-from services.run_history.run_rows import RunRow
-from services.run_history.speed_trace import KMH, SpeedTrace
-
 Language = Literal["en", "ja"]
 
 WORDS: Final[dict[str, tuple[str, str]]] = {
@@ -82,6 +78,7 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
     "departure": ("departure", "発車"),
     "energy_kwh": ("traction energy [kWh]", "力行電力量 [kWh]"),
     "notes": ("Notes", "注記"),
+    "more": ("and {count} more", "ほか{count}件"),
     "top": (
         "Top speed {best:.0f} km/h, the others {others:.0f} km/h",
         "最高速度 {best:.0f} km/h(他の運行 {others:.0f} km/h)",
@@ -115,13 +112,38 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
         "同一時分({time:.0f}秒)の最適走行:{kwh:.2f} kWh(代表省エネパターン比{share:+.1f}%)",
     ),
     "observed": (
-        "No limits are known here: the optimum keeps to the highest observed speeds",
-        "制限速度が不明のため,最適走行は実績の最高速度を上限としています",
+        "On {share:.0f} % of the way no limit is known: there the optimum keeps to the speeds that runs had",
+        "制限速度が不明の{share:.0f}%の区間では,最適走行は実績の速度を上限としています",
     ),
     "no_optimum": ("No optimum: {why}", "最適走行なし:{why}"),
     "top_lower": (
         "Accelerate {by:.0f} km/h less: the energy-saving run reached {best:.0f} km/h",
         "加速終端を{by:.0f} km/h下げる(代表省エネパターン {best:.0f} km/h)",
+    ),
+    "advice": ("How the optimum is driven", "最適走行の運転方法"),
+    "advise_accelerate": (
+        "{at:.2f} km: accelerate from {from_kmh:.0f} to {until_kmh:.0f} km/h ({length:.0f} m, {time:.0f} s)",
+        "{at:.2f} km:{from_kmh:.0f}→{until_kmh:.0f} km/hへ加速({length:.0f} m,{time:.0f}秒)",
+    ),
+    "advise_hold": (
+        "{at:.2f} km: hold {until_kmh:.0f} km/h for {length:.0f} m ({time:.0f} s)",
+        "{at:.2f} km:{until_kmh:.0f} km/hで定速{length:.0f} m({time:.0f}秒)",
+    ),
+    "advise_coast": (
+        "{at:.2f} km: coast from {from_kmh:.0f} to {until_kmh:.0f} km/h ({length:.0f} m, {time:.0f} s)",
+        "{at:.2f} km:{from_kmh:.0f}→{until_kmh:.0f} km/hまで惰行({length:.0f} m,{time:.0f}秒)",
+    ),
+    "advise_brake": (
+        "{at:.2f} km: brake from {from_kmh:.0f} to {until_kmh:.0f} km/h ({length:.0f} m, {time:.0f} s)",
+        "{at:.2f} km:{from_kmh:.0f}→{until_kmh:.0f} km/hまで制動({length:.0f} m,{time:.0f}秒)",
+    ),
+    "over_limit": (
+        "The energy-saving run exceeded a limit by {by:.0f} km/h; the optimum keeps it",
+        "代表省エネパターンは制限速度を最大{by:.0f} km/h超過(最適走行は制限内)",
+    ),
+    "more_able": (
+        "The optimum may do what the energy-saving run did beyond the vehicle file: {what}",
+        "最適走行の性能は車両ファイルを超える実績値まで許容:{what}",
     ),
     "against": (
         "{time:+.0f} s and {energy:+.1f} % energy against the energy-saving run",
@@ -133,97 +155,3 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
 def said(key: str, language: Language, **figures: float | str) -> str:
     """A text in one language with its figures."""
     return WORDS[key][0 if language == "en" else 1].format(**figures)
-
-
-def difference_lines(section: SectionReport, language: Language) -> list[str]:
-    """What the energy-saving run does differently, how hills spread, where the log leaves its reference."""
-    driving = section.driving
-    if driving is None:
-        return []
-    lines = []
-    d = driving.difference
-    if d is not None:
-        lines.append(said("top", language, best=KMH * d.top_mps, others=KMH * d.top_others_mps))
-        if d.limited_mps is not None and d.limited_others_mps is not None:
-            lines.append(
-                said("limited", language, best=KMH * d.limited_mps, others=KMH * d.limited_others_mps),
-            )
-        lines.append(said("approach", language, best=KMH * d.approach_mps, others=KMH * d.approach_others_mps))
-        lines.append(said("again", language, best=d.reaccelerations, others=d.reaccelerations_others))
-    return [*lines, *_optimum_lines(section, driving, language), *_place_lines(driving, language)]
-
-
-def _optimum_lines(section: SectionReport, driving: Driving, language: Language) -> list[str]:
-    if driving.no_optimum:
-        return [said("no_optimum", language, why=driving.no_optimum)]
-    if driving.optimum is None or section.margin is None:
-        return []
-    best_kwh = section.margin.best.energy_kwh
-    kwh = driving.optimum.traction_kwh
-    share = 100.0 * (kwh / best_kwh - 1.0)
-    told = said("optimum_is", language, time=driving.optimum.running_time_s, kwh=kwh, share=share)
-    return [told, said("observed", language)] if driving.limits_observed else [told]
-
-
-def _place_lines(driving: Driving, language: Language) -> list[str]:
-    hills = [
-        said(
-            "hill",
-            language,
-            a=hill.start_m / 1000.0,
-            b=hill.end_m / 1000.0,
-            low=KMH * float(hill.peaks_mps.min()),
-            high=KMH * float(hill.peaks_mps.max()),
-            spread=KMH * hill.spread_mps,
-        )
-        for hill in driving.hills
-    ]
-    leaves = [
-        said(
-            "leaves",
-            language,
-            a=one.start_m / 1000.0,
-            b=one.end_m / 1000.0,
-            runs=one.runs,
-            of=one.of_runs,
-            most=KMH * one.largest_mps,
-        )
-        for one in driving.departures
-    ]
-    return [*hills, *leaves]
-
-
-def row_of_trace(section: SectionReport, trace: SpeedTrace) -> RunRow:
-    """Row of a trace of the same section."""
-    return next(row for row in section.group.rows if same_leg(trace, row))
-
-
-def sheet_lines(section: SectionReport, run: int, language: Language) -> list[str]:
-    """What one driver may take from one run (a number of `driving.traces`), against the energy-saving run."""
-    driving, margin = section.driving, section.margin
-    if driving is None:
-        return []
-    lines = []
-    trace = driving.traces[run]
-    if margin is not None and driving.best is not None and run != driving.best:
-        row = row_of_trace(section, trace)
-        share = 100.0 * (row.energy_kwh / margin.best.energy_kwh - 1.0)
-        lines.append(
-            said("against", language, time=row.running_time_s - margin.best.running_time_s, energy=share),
-        )
-        top = KMH * float(driving.speeds_mps[run].max())
-        best = KMH * float(driving.speeds_mps[driving.best].max())
-        if top > best + 1.0:
-            lines.append(said("top_lower", language, by=top - best, best=best))
-    lines += [
-        said(
-            "again_at",
-            language,
-            at=dip.at_m / 1000.0,
-            from_kmh=KMH * dip.from_mps,
-            low=KMH * dip.low_mps,
-            to=KMH * dip.to_mps,
-        )
-        for dip in driving.again[run]
-    ]
-    return lines

@@ -11,9 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from services.run_history.optimum import Optimum
 from services.run_history.report_words import Language, said
-from services.run_history.run_report import Driving, SectionReport
+from services.run_history.run_report import SectionReport
 from services.run_history.run_statistics import histogram
+from services.run_history.section_driving import Driving, Way, same_leg
 from services.run_history.speed_trace import KMH, SpeedTrace
 
 GREY: Final = "#b5b5b5"
@@ -29,8 +31,6 @@ PATTERNS: Final = {
     "fastest": "#17a2b8",
 }
 WIDE: Final = (10.5, 5.6)
-MOST_GREY: Final = 200
-"""Runs drawn in grey; more make a file heavy and the picture no clearer."""
 
 
 def overlay(section: SectionReport, language: Language) -> Figure:
@@ -39,18 +39,10 @@ def overlay(section: SectionReport, language: Language) -> Figure:
     figure, axes = _over_the_way(driving, language)
     if driving is None:
         return figure
-    for number, trace in enumerate(driving.traces[:MOST_GREY]):
+    for number, trace in enumerate(driving.traces):
         _line(axes, trace, GREY, 0.7, said("population", language) if number == 0 else "")
     if driving.optimum is not None:
-        way = np.abs(driving.optimum.axis_m - driving.optimum.axis_m[0]) / 1000.0
-        axes.plot(
-            way,
-            KMH * driving.optimum.speed_mps,
-            color=OPTIMUM,
-            linewidth=1.5,
-            label=said("optimum", language),
-            zorder=3,
-        )
+        _optimum(axes, driving.optimum, driving.way, language)
     if driving.best is not None:
         _line(axes, driving.traces[driving.best], BEST, 2.0, said("best", language))
     _finish(axes)
@@ -63,12 +55,12 @@ def patterns(section: SectionReport, language: Language) -> Figure:
     figure, axes = _over_the_way(driving, language)
     if driving is None:
         return figure
-    for trace in driving.traces[:MOST_GREY]:
+    for trace in driving.traces:
         _line(axes, trace, GREY, 0.7, "")
     for pattern in section.patterns:
         for trace in driving.traces:
             row = pattern.row
-            if row is not None and trace.run_id == row.run_id and abs(trace.departure_s - row.departure_s) < 1.0:
+            if row is not None and same_leg(trace, row):
                 label = f"{said(pattern.name, language)} ({row.running_time_s:.0f} s, {row.energy_kwh:.1f} kWh)"
                 _line(axes, trace, PATTERNS[pattern.name], 1.6, label)
     _finish(axes)
@@ -82,8 +74,7 @@ def crew_sheet(section: SectionReport, run: int, language: Language) -> Figure:
     if driving is None:
         return figure
     if driving.optimum is not None:
-        way = np.abs(driving.optimum.axis_m - driving.optimum.axis_m[0]) / 1000.0
-        axes.plot(way, KMH * driving.optimum.speed_mps, color=OPTIMUM, linewidth=1.2, label=said("optimum", language))
+        _optimum(axes, driving.optimum, driving.way, language)
     if driving.best is not None:
         _line(axes, driving.traces[driving.best], BEST, 1.5, said("best", language))
     _line(axes, driving.traces[run], THIS, 1.8, said("this_run", language))
@@ -128,6 +119,11 @@ def _line(axes: Axes, trace: SpeedTrace, colour: str, width: float, label: str) 
         label=label or "_",
         zorder=1 if colour == GREY else 4,
     )
+
+
+def _optimum(axes: Axes, found: Optimum, way: Way, language: Language) -> None:
+    place = way.sign * (found.axis_m - way.start_axis_m) / 1000.0
+    axes.plot(place, KMH * found.speed_mps, color=OPTIMUM, linewidth=1.5, label=said("optimum", language), zorder=3)
 
 
 def _finish(axes: Axes) -> None:

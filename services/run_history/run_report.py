@@ -2,74 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Final, Protocol
 
 from schemas.line import Station
 from services.line.alignment import Alignment
-from services.run_history.driving_difference import (
-    Difference,
-    Hill,
-    Reacceleration,
-    difference_of,
-    hills_of,
-    reaccelerations,
-)
-from services.run_history.optimum import Optimum, OptimumError, Section, optimum, section_between
 from services.run_history.patterns import Pattern, patterns_of
 from services.run_history.pseudonym import pseudonym
 from services.run_history.reception_survey import Reception
-from services.run_history.reference_departure import Departure, departures
-from services.run_history.run_analysis import LegRun
+from services.run_history.reference_departure import departures
 from services.run_history.run_rows import RunRow
 from services.run_history.run_statistics import Group, Selection, groups_of
 from services.run_history.saving_margin import WITHIN_S, SavingMargin, reference_time, saving_margin
-from services.run_history.speed_trace import SpeedTrace, grid_over, population, trace_of
+from services.run_history.section_driving import Driving, driving_of, same_leg, way_between
+from services.run_history.speed_trace import SpeedTrace
 from services.run_history.vehicle import Vehicle
 
-Floats = NDArray[np.float64]
-SAME_LEG_S: Final = 5.0
-"""Departures of one leg, once from the table and once from the log, differ by rounding alone; by less than a leg."""
-OBSERVED_CELLS: Final = 10
-BESIDE_M: Final = 300.0
-
-
-@dataclass(frozen=True, slots=True)
-class Way:
-    """The section under a group's runs. Arrays have shape (n,)."""
-
-    grid_m: Floats
-    limit_mps: Floats
-    """inf where none is known."""
-    gradient_permille: Floats
-    """Positive uphill in the direction of running."""
-    stations: tuple[tuple[str, float], ...]
-    """Name and way from the departure station."""
-
-
-@dataclass(frozen=True, slots=True)
-class Driving:
-    """What the speeds of a group's runs tell; run k of `traces` is row k of `speeds_mps`."""
-
-    traces: tuple[SpeedTrace, ...]
-    speeds_mps: Floats
-    way: Way
-    hills: tuple[Hill, ...]
-    again: tuple[tuple[Reacceleration, ...], ...]
-    difference: Difference | None
-    """Of the representative run; None where there is none, or no trace of it."""
-    best: int | None
-    optimum: Optimum | None
-    """In the running time of the representative run."""
-    no_optimum: str
-    """Why there is none."""
-    limits_observed: bool
-    """No limit is known here: the optimum keeps to the highest speed that any run had about each place."""
-    departures: tuple[Departure, ...]
+MOST_JOURNEYS: Final = 600
+"""Legs of the time–distance diagram."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,21 +35,41 @@ class SectionReport:
 
 
 @dataclass(frozen=True, slots=True)
+class Journey:
+    """A leg of the time–distance diagram."""
+
+    trace: SpeedTrace
+    start_axis_m: float
+    up: bool
+
+
+@dataclass(frozen=True, slots=True)
 class RunReport:
     """The whole report."""
 
     sections: tuple[SectionReport, ...]
+    """Up along the line, then down; by name without a line."""
+    sheets: tuple[tuple[SectionReport, int], ...]
+    """Legs with a crew sheet, each the number of a trace: run by run in order of time."""
     selection: Selection
     runs: int
     legs: int
     counted: int
     pseudonyms: bool
     reception: tuple[Reception, ...]
-    journeys: tuple[tuple[SpeedTrace, float, bool], ...]
-    """Every leg of the selection with the axis place of its departure and whether it runs up."""
+    journeys: tuple[Journey, ...]
+    """Legs of the selection, the first six hundred."""
     stations: tuple[tuple[str, float], ...]
     """Of the line: name and place; empty without a line."""
+    vehicle: Vehicle | None
     notes: tuple[str, ...]
+
+
+class Traces(Protocol):
+    """Speeds of legs by section, in memory or elsewhere."""
+
+    def of(self, start: str, end: str) -> Sequence[SpeedTrace]:
+        """Traces of all legs from one station to another (names), those that do not count too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,43 +78,46 @@ class Evidence:
 
     way: Alignment
     vehicle: Vehicle
-    legs: tuple[LegRun, ...]
-    reference: tuple[LegRun, ...] = ()
+    traces: Traces
+    reference: Traces | None = None
+    """Monitor records of the same legs."""
     reception: tuple[Reception, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What a report is to hold."""
+
+    selection: Selection
+    within_s: float = WITHIN_S
+    sheets: int = 10
+    """Most crew sheets."""
+
+
 def report_of(
-    rows: Sequence[RunRow],
-    selection: Selection,
-    evidence: Evidence | None,
-    salt: bytes | None,
-    within_s: float = WITHIN_S,
-    notes: Sequence[str] = (),
+    rows: Sequence[RunRow], wishes: Wishes, evidence: Evidence | None, salt: bytes | None, notes: Sequence[str] = ()
 ) -> RunReport:
     """Report of rows, with driving where there are logs. `salt` None: run ids stay as they are.
 
-    Raises ZoneInfoNotFoundError for an unknown time zone.
+    One section's speeds are in memory at a time. Raises ZoneInfoNotFoundError for an unknown time zone.
     """
     named = [replace(row, run_id=_named(row.run_id, salt)) for row in rows]
-    groups = groups_of(named, selection)
-    legs = _by_section(evidence.legs if evidence else (), salt)
-    reference = _by_section(evidence.reference if evidence else (), salt)
-    sections = tuple(_section(one, evidence, legs, reference, within_s) for one in groups)
-    journeys = []
-    for leg in evidence.legs if evidence else ():
-        if selection.holds(leg.ends.departure_s):
-            trace = replace(trace_of(leg), run_id=_named(leg.run_id, salt))
-            journeys.append((trace, leg.start.axis_m, leg.direction == "up"))
+    places = {one.name: one for one in evidence.way.stations} if evidence else {}
+    groups = sorted(groups_of(named, wishes.selection), key=lambda one: _along(one, places))
+    chosen = _sheet_rows(groups, wishes.sheets)
+    sections = tuple(_section(one, evidence, places, wishes, chosen, salt) for one in groups)
     return RunReport(
         sections,
-        selection,
+        _sheets(sections, chosen),
+        wishes.selection,
         len({row.run_id for row in named}),
         len(named),
         sum(len(one.rows) for one in groups),
         salt is not None,
         evidence.reception if evidence else (),
-        tuple(journeys),
-        tuple((one.name, one.axis_m) for one in evidence.way.stations) if evidence else (),
+        tuple(_journeys(groups, evidence, places, wishes.selection, salt)),
+        tuple((one.name, one.axis_m) for one in places.values()),
+        evidence.vehicle if evidence else None,
         tuple(notes),
     )
 
@@ -152,111 +126,103 @@ def _named(run_id: str, salt: bytes | None) -> str:
     return run_id if salt is None else pseudonym(run_id, salt)
 
 
-Sections = Mapping[tuple[str, str], Sequence[LegRun]]
+def _along(group: Group, places: dict[str, Station]) -> tuple[bool, float, float, str, str, str]:
+    """Order of sections: up along the line, then down."""
+    start, end = places.get(group.start), places.get(group.end)
+    sign = 1.0 if group.direction == "up" else -1.0
+    where = (sign * start.axis_m, sign * end.axis_m) if start and end else (0.0, 0.0)
+    return (group.direction == "down", *where, group.start, group.end, group.series)
 
 
-def _by_section(legs: Sequence[LegRun], salt: bytes | None) -> Sections:
-    found: dict[tuple[str, str], list[LegRun]] = {}
-    for leg in legs:
-        named = replace(leg, run_id=_named(leg.run_id, salt))
-        found.setdefault((leg.start.name, leg.end.name), []).append(named)
-    return found
+def _sheet_rows(groups: Iterable[Group], most: int) -> list[RunRow]:
+    """Rows that get a sheet: the legs of the first run, then those of the next."""
+    rows = [row for group in groups for row in group.rows]
+    begins: dict[str, float] = {}
+    for row in rows:
+        begins[row.run_id] = min(begins.get(row.run_id, row.departure_s), row.departure_s)
+    return sorted(rows, key=lambda row: (begins[row.run_id], row.run_id, row.departure_s))[:most]
+
+
+def _sheets(sections: Sequence[SectionReport], chosen: Sequence[RunRow]) -> tuple[tuple[SectionReport, int], ...]:
+    found = []
+    for row in chosen:
+        for section in sections:
+            group = section.group
+            if section.driving is None or (group.start, group.end, group.series) != (row.start, row.end, row.series):
+                continue
+            found += [(section, k) for k, one in enumerate(section.driving.traces) if same_leg(one, row)]
+    return tuple(found)
 
 
 def _section(
-    group: Group, evidence: Evidence | None, legs: Sections, reference: Sections, within_s: float
+    group: Group,
+    evidence: Evidence | None,
+    places: dict[str, Station],
+    wishes: Wishes,
+    chosen: Sequence[RunRow],
+    salt: bytes | None,
 ) -> SectionReport:
-    margin = saving_margin(group, within_s)
+    margin = saving_margin(group, wishes.within_s)
     patterns = patterns_of(group.rows, reference_time(group)[0]) if group.rows else ()
-    mine = [leg for row in group.rows if (leg := _leg_of(row, legs)) is not None]
-    if evidence is None or not mine:
+    start, end = places.get(group.start), places.get(group.end)
+    if evidence is None or start is None or end is None or not group.rows:
         return SectionReport(group, margin, patterns, None)
-    pairs = [
-        (trace_of(leg), trace_of(other))
-        for leg in mine
-        for other in reference.get((leg.start.name, leg.end.name), ())
-        if other.run_id == leg.run_id and abs(other.ends.departure_s - leg.ends.departure_s) < leg.running_time_s / 2.0
+    traces = _traces_of(group, _all_named(evidence.traces.of(group.start, group.end), salt))
+    if not traces:
+        return SectionReport(group, margin, patterns, None)
+    way = way_between(evidence.way, start, end)
+    other = _all_named(evidence.reference.of(group.start, group.end), salt) if evidence.reference else []
+    left = departures(_pairs(traces, other), float(way.grid_m[-1]))
+    wanted = [one.row for one in patterns if one.row is not None]
+    wanted += [row for row in chosen if (row.start, row.end, row.series) == (group.start, group.end, group.series)]
+    best = None if margin is None else margin.best
+    driving = driving_of(traces, way, evidence.way, evidence.vehicle, best, wanted, left)
+    return SectionReport(group, margin, patterns, driving)
+
+
+def _all_named(traces: Sequence[SpeedTrace], salt: bytes | None) -> list[SpeedTrace]:
+    return [replace(one, run_id=_named(one.run_id, salt)) for one in traces]
+
+
+def _traces_of(group: Group, traces: Sequence[SpeedTrace]) -> list[SpeedTrace]:
+    """Traces of a group's rows, in the order of these."""
+    by_run: dict[str, list[SpeedTrace]] = {}
+    for one in traces:
+        by_run.setdefault(one.run_id, []).append(one)
+    found = (next((one for one in by_run.get(row.run_id, ()) if same_leg(one, row)), None) for row in group.rows)
+    return [one for one in found if one is not None]
+
+
+def _pairs(traces: Sequence[SpeedTrace], other: Sequence[SpeedTrace]) -> list[tuple[SpeedTrace, SpeedTrace]]:
+    """Each trace with the reference of the same run and leg, whose clock may be another."""
+    by_run: dict[str, list[SpeedTrace]] = {}
+    for one in other:
+        by_run.setdefault(one.run_id, []).append(one)
+    return [
+        (log, one)
+        for log in traces
+        for one in by_run.get(log.run_id, ())
+        if abs(one.departure_s - log.departure_s) < float(log.time_s[-1]) / 2.0
     ]
-    return SectionReport(group, margin, patterns, _driving(mine, margin, evidence, pairs))
 
 
-def _leg_of(row: RunRow, legs: Sections) -> LegRun | None:
-    for leg in legs.get((row.start, row.end), ()):
-        if leg.run_id == row.run_id and abs(leg.ends.departure_s - row.departure_s) < SAME_LEG_S:
-            return leg
-    return None
-
-
-def _driving(
-    legs: Sequence[LegRun],
-    margin: SavingMargin | None,
-    evidence: Evidence,
-    pairs: Sequence[tuple[SpeedTrace, SpeedTrace]],
-) -> Driving:
-    start, end = legs[0].start, legs[0].end
-    way = _way(evidence.way, start, end)
-    traces = tuple(trace_of(leg) for leg in legs)
-    speeds = population(traces, way.grid_m)
-    best = None
-    if margin is not None:
-        same = [k for k, one in enumerate(traces) if same_leg(one, margin.best)]
-        best = same[0] if same else None
-    found, why = None, ""
-    observed = not np.isfinite(way.limit_mps).any()
-    if margin is not None:
-        try:
-            section = section_between(evidence.way, evidence.vehicle, start.axis_m, end.axis_m)
-            if observed:
-                section = replace(section, limit_mps=_observed_limit(section, speeds, way.grid_m))
-            found = optimum(section, evidence.vehicle, margin.best.running_time_s)
-        except OptimumError as error:
-            why = str(error)
-    return Driving(
-        traces,
-        speeds,
-        way,
-        tuple(hills_of(speeds, way.grid_m)),
-        tuple(reaccelerations(speeds, way.grid_m)),
-        None if best is None else difference_of(speeds, way.grid_m, best, way.limit_mps),
-        best,
-        found,
-        why,
-        observed,
-        tuple(departures(pairs, float(way.grid_m[-1]))),
-    )
-
-
-def _observed_limit(section: Section, speeds_mps: Floats, grid_m: Floats) -> Floats:
-    """Limit of a section: the highest observed speed within 100 m.
-
-    Beside stations speeds are low because trains stop there: the first and last 300 m take the highest of all.
-    """
-    highest = speeds_mps.max(axis=0)
-    padded = np.pad(highest, OBSERVED_CELLS, mode="edge")
-    widest = np.lib.stride_tricks.sliding_window_view(padded, 2 * OBSERVED_CELLS + 1).max(axis=1)
-    widest[(grid_m < BESIDE_M) | (grid_m > grid_m[-1] - BESIDE_M)] = highest.max()
-    along = np.abs(section.axis_m - section.axis_m[0])
-    return np.asarray(np.minimum(section.limit_mps, np.interp(along, grid_m, widest)))
-
-
-def same_leg(trace: SpeedTrace, row: RunRow) -> bool:
-    """Whether a trace and a row are of one leg (of one section)."""
-    return trace.run_id == row.run_id and abs(trace.departure_s - row.departure_s) < SAME_LEG_S
-
-
-def _way(line: Alignment, start: Station, end: Station) -> Way:
-    length = abs(end.axis_m - start.axis_m)
-    sign = 1.0 if end.axis_m > start.axis_m else -1.0
-    grid = grid_over(length)
-    axis = start.axis_m + sign * grid
-    between = sorted(
-        (sign * (one.axis_m - start.axis_m), one.name)
-        for one in line.stations
-        if -1.0 <= sign * (one.axis_m - start.axis_m) <= length + 1.0
-    )
-    return Way(
-        grid,
-        line.speed_limit_mps(axis),
-        sign * line.gradient_permille(axis),
-        tuple((name, place) for place, name in between),
-    )
+def _journeys(
+    groups: Sequence[Group],
+    evidence: Evidence | None,
+    places: dict[str, Station],
+    selection: Selection,
+    salt: bytes | None,
+) -> list[Journey]:
+    """Legs within the hours, the first ones of all sections; those that do not count are trains as well."""
+    found: list[Journey] = []
+    if evidence is None:
+        return found
+    sections = dict.fromkeys((one.start, one.end) for one in groups)
+    for start, end in sections:
+        if start not in places or end not in places:
+            continue
+        up = places[end].axis_m > places[start].axis_m
+        legs = [one for one in evidence.traces.of(start, end) if selection.holds(one.departure_s)]
+        legs = sorted(legs, key=lambda one: one.departure_s)[: max(1, MOST_JOURNEYS // len(sections))]
+        found += [Journey(one, places[start].axis_m, up) for one in _all_named(legs, salt)]
+    return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,17 +12,16 @@ from services.run_history.report_words import Language, said
 from services.run_history.run_report import RunReport
 from services.run_history.run_statistics import local_hour
 
-MOST_LEGS: Final = 600
-
 
 def time_distance(report: RunReport, language: Language) -> Figure:
     """Place over the time of day, days on top of each other, up and down in two colours."""
     figure = Figure(figsize=(10.5, 5.2), layout="constrained")
     axes = figure.subplots()
     named: set[bool] = set()
-    for trace, start_m, up in report.journeys[:MOST_LEGS]:
+    for journey in report.journeys:
+        trace, up = journey.trace, journey.up
         hour = local_hour(trace.departure_s, report.selection.zone) + trace.time_s / 3600.0
-        place = (start_m + (1.0 if up else -1.0) * trace.way_m) / 1000.0
+        place = (journey.start_axis_m + (1.0 if up else -1.0) * trace.way_m) / 1000.0
         label = said("up" if up else "down", language) if up not in named else "_"
         named.add(up)
         axes.plot(hour, place, color="#1f5fa8" if up else "#c0392b", linewidth=0.9, label=label)

@@ -25,7 +25,7 @@ from services.run_history.vehicle_file import read_vehicle
 STOPS = [one.id for one in load_line(Path("demo")).line.stations[:2]]
 SCENARIO = f"""
 name = "short"
-seed = 5
+seed = 2
 line = "demo"
 [journey]
 stops = {json.dumps(STOPS)}

@@ -56,14 +56,14 @@ def test_the_energy_saving_run_is_set_against_the_others() -> None:
         GRID,
     )
     limit = np.where((GRID > 1400.0) & (GRID < 1600.0), 14.0, 30.0)
-    found = difference_of(speeds, GRID, 0, limit)
+    found = difference_of(speeds, GRID, 0, limit, reaccelerations(speeds, GRID))
     assert (found.top_mps, found.top_others_mps) == pytest.approx((20.0, 25.0))
     assert found.limited_mps is not None
     assert found.limited_others_mps is not None
     assert found.limited_mps > found.limited_others_mps
     assert found.approach_mps == pytest.approx(20.0 / 3.0)
-    assert difference_of(speeds, GRID, 0, None).limited_mps is None
-    assert difference_of(speeds, GRID, 0, np.full(len(GRID), np.inf)).limited_mps is None
+    assert difference_of(speeds, GRID, 0, None, ((),)).limited_mps is None
+    assert difference_of(speeds, GRID, 0, np.full(len(GRID), np.inf), ((),)).limited_mps is None
 
 
 def test_reception_is_told_where_fixes_and_speeds_are_missing() -> None:
