@@ -303,7 +303,7 @@ def _insert(connection: duckdb.DuckDBPyConnection, table: Table, rows: list[tupl
     batch = {name: _column(column, kind) for (name, kind), column in zip(table.columns, columns, strict=True)}
     connection.register("batch", batch)
     try:
-        connection.execute(f"INSERT INTO {table.name} SELECT * FROM batch")  # noqa: S608 - names are our own
+        connection.execute(f"INSERT INTO {table.name} BY NAME SELECT * FROM batch")  # noqa: S608 - names are our own
     finally:
         connection.unregister("batch")
 

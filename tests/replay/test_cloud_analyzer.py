@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+import resource
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import msgspec
@@ -113,6 +115,61 @@ def test_what_cannot_be_is_refused_in_words_and_counted(tmp_path: Path) -> None:
         assert node.health.counts["undecoded"] == 1
 
     with_analyzer(tmp_path, test)
+
+
+@contextmanager
+def no_more_room(folder: Path) -> Iterator[None]:
+    """No file of this process may grow: as on a disk that is full."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    largest = max(path.stat().st_size for path in folder.iterdir() if path.is_file())
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_store_that_refuses_acknowledges_nothing_and_takes_the_batch_when_it_can(tmp_path: Path) -> None:
+    async def test(node: MemoryNode, asker: MemoryNode) -> None:
+        first, second = (sent([measurement(n) for n in range(at, at + 200)], at) for at in (0, 200))
+        await asker.ask(INGEST, CLOUD, first, timeout_s=5.0, shard="all")
+        with no_more_room(tmp_path):
+            for _ in range(2):
+                with pytest.raises(RefusedError, match=r"not taken: the store in .* took nothing"):
+                    await asker.ask(INGEST, CLOUD, second, timeout_s=5.0, shard="all")
+            # What it has it still tells.
+            assert len(await asked(asker, "radio")) == 200
+        assert node.health.counts["commits_failed"] == 2
+        reply = await asker.ask(INGEST, CLOUD, second, timeout_s=5.0, shard="all")
+        assert (reply.through, reply.repeated) == (399, 0)
+        assert [row["sequence"] for row in await asked(asker, "radio")] == list(range(400))
+
+    with_analyzer(tmp_path, test, learn_at_hour_utc=None)
+
+
+def test_what_a_newer_train_says_is_kept_aside_and_what_it_adds_is_no_fault(tmp_path: Path) -> None:
+    """A word that this version does not know, a field more, a topic more: one is refused with its bytes, none stops."""
+
+    async def test(node: MemoryNode, asker: MemoryNode) -> None:
+        plain = measurement(0)
+        fields = msgspec.msgpack.decode(plain.payload)
+        wider = msgspec.structs.replace(measurement(1), payload=msgspec.msgpack.encode(fields | {"polarisation": "v"}))
+        strange = msgspec.structs.replace(
+            measurement(2), payload=msgspec.msgpack.encode(fields | {"side": "satellite"})
+        )
+        unknown = msgspec.structs.replace(measurement(3), key="kirotei/v1/demo/train/T1/news/of/tomorrow")
+        brought = sent([plain, wider, strange, unknown, measurement(4)])
+        reply = await asker.ask(INGEST, CLOUD, brought, timeout_s=5.0, shard="all")
+        assert (reply.through, reply.refused) == (4, 2)
+        assert [row["sequence"] for row in await asked(asker, "radio")] == [0, 1, 4]
+        assert node.health.counts["undecoded"] == 2
+
+    with_analyzer(tmp_path, test)
+    with closing(DuckDbStore(tmp_path)) as store:
+        kept = store._connection.execute("SELECT key, reason, payload_hex FROM refused ORDER BY key").fetchall()
+    assert [key for key, _, _ in kept] == ["kirotei/v1/demo/train/T1/news/of/tomorrow", measurement(2).key]
+    assert "satellite" in kept[1][1]
+    assert bytes.fromhex(kept[0][2]) == measurement(3).payload
 
 
 def test_what_was_committed_before_a_crash_is_said_again_after_it(tmp_path: Path) -> None:

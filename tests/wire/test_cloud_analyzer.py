@@ -8,15 +8,17 @@ import signal
 from pathlib import Path
 
 import duckdb
+import msgspec
 
 from schemas.topic import Place
 from schemas.topics import INGEST, RADIO_MEASUREMENT
+from services.radio_anomaly.radio_model_file import read_model
 from services.runtime.clock import LiveClock
 from services.runtime.host_config import BusConfig
 from services.runtime.node import Node, Service
 from services.runtime.question import NoAnswerError, RefusedError
 from services.runtime.zenoh_node import ZenohNode
-from tests.unit.cloud_analyzer.batches import batch, measurement
+from tests.unit.cloud_analyzer.batches import STEP_NS, batch, measurement
 from tests.wire.ports import free_port
 from tests.wire.processes import running
 from tests.wire.stage import NoConfig
@@ -35,14 +37,18 @@ async def _idle(node: Node, config: NoConfig) -> None:
 BRIDGE = Service("bridge", NoConfig, (RADIO_MEASUREMENT,), (), _idle, "a test's bridge", asks=(INGEST,))
 
 
-async def bring(node: Node, number: int) -> int:
+async def bring(node: Node, number: int, begin_ns: int) -> int:
     """Acknowledged number of a batch, asked again and again as a bridge does."""
     first = number * EACH
-    records = [measurement(n) for n in range(first, first + EACH)]
+    records = [
+        msgspec.structs.replace(measurement(n, t_ns=begin_ns + n * STEP_NS), heard_ns=begin_ns + n * STEP_NS)
+        for n in range(first, first + EACH)
+    ]
     async with asyncio.timeout(LIMIT_S):
         while True:
             try:
-                reply = await node.ask(INGEST, CLOUD, batch(records, first), timeout_s=2.0, shard="all")
+                brought = batch(records, first, sent_ns=LiveClock().now_ns())
+                reply = await node.ask(INGEST, CLOUD, brought, timeout_s=2.0, shard="all")
             except (NoAnswerError, RefusedError):
                 await asyncio.sleep(0.1)
                 continue
@@ -65,6 +71,7 @@ async def test_what_was_acknowledged_is_there_after_kills_and_can_be_asked_for(t
         await asyncio.to_thread(up.event, "all_ready", patience_s=120.0)
         bus = BusConfig(connect=(f"tcp/127.0.0.1:{port}",))
         node = await ZenohNode.open(BRIDGE, Place("demo", "train", "T1"), "bridge", LiveClock(), bus, announced=False)
+        begin_ns = LiveClock().now_ns() - 3600 * 10**9
         try:
             heard = node.arrivals(RADIO_MEASUREMENT, mirrored=True)
             for number in range(BATCHES):
@@ -73,7 +80,7 @@ async def test_what_was_acknowledged_is_there_after_kills_and_can_be_asked_for(t
                     pid = (await asyncio.to_thread(up.event, "started", child="cloud_analyzer", patience_s=LIMIT_S))[
                         "pid"
                     ]
-                assert await bring(node, number) == (number + 1) * EACH - 1
+                assert await bring(node, number, begin_ns) == (number + 1) * EACH - 1
             async with asyncio.timeout(LIMIT_S):
                 mirrored = [(await anext(heard)).sequence for _ in range(BATCHES * EACH)]
             assert mirrored == list(range(BATCHES * EACH))
@@ -86,5 +93,16 @@ async def test_what_was_acknowledged_is_there_after_kills_and_can_be_asked_for(t
         with duckdb.connect() as connection:
             found = connection.execute("SELECT count(*), count(DISTINCT sequence) FROM read_parquet(?)", [str(rows)])
             assert found.fetchone() == (BATCHES * EACH, BATCHES * EACH)
+        for words in (
+            ("learn",),
+            ("history", "models", "--out", f"{tmp_path}/models.csv"),
+            ("model", "--out", f"{tmp_path}/m.json"),
+        ):
+            with running(*CLI, "cloud", *words, "--connect", f"tcp/127.0.0.1:{port}") as command:
+                assert await asyncio.to_thread(command.ended) == 0, command.errors
+        learned = read_model(tmp_path / "m.json")
+        # One pass, and every one of its measurements once.
+        assert (learned.origin.passes, learned.origin.readings) == (1, BATCHES * EACH)
+        assert (tmp_path / "models.csv").read_text("utf-8").count("\n") == 2
         up.send(signal.SIGINT)
         assert up.ended(6.0) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+import duckdb
 import msgspec
 import pytest
 
@@ -171,12 +173,36 @@ def test_a_day_file_that_the_database_does_not_name_is_no_second_copy(tmp_path: 
     assert not stray.exists()
 
 
+@pytest.mark.parametrize("change", ["DROP COLUMN snr_db", "ADD COLUMN tomorrow VARCHAR"])
+def test_a_store_of_an_older_or_a_newer_version_goes_on(tmp_path: Path, change: str) -> None:
+    """A table and day files that lack a column of ours, or have one more."""
+    step = DAY_OF_ROWS // 50
+    with opened(tmp_path) as (store, ingest):
+        take(store, ingest, range(200), step)
+        store.tend(NOW_NS + 4 * DAY_NS)
+    with duckdb.connect(str(tmp_path / DATABASE)) as connection:
+        connection.execute(f"ALTER TABLE radio {change}")
+        for file in tmp_path.glob("raw/radio/day=*/*.parquet"):
+            connection.execute(f"CREATE OR REPLACE TABLE day AS FROM read_parquet('{file}', hive_partitioning=false)")
+            connection.execute(f"ALTER TABLE day {change}")
+            connection.execute(f"COPY day TO '{file}' (FORMAT parquet)")
+        connection.execute("DROP TABLE day")
+    with opened(tmp_path) as (store, ingest):
+        take(store, ingest, range(200, 250), step)
+        found = powers(store, StoreQuestion(t_ns=0, about="radio", limit=70))
+        assert found == [(n * step, -70.0 - n * step % 7) for n in range(250)]
+        assert "rows of radio" in store.tend(NOW_NS + 30 * DAY_NS)
+        assert powers(store, StoreQuestion(t_ns=0, about="radio", limit=70)) == found
+        assert store.learn() == store.learn_from_rows()
+
+
 def test_old_days_are_forgotten(tmp_path: Path) -> None:
     with opened(tmp_path, keep_days=100.0) as (store, ingest):
         take(store, ingest, range(10))
         store.tend(NOW_NS + 30 * DAY_NS)
         assert "files older than" in store.tend(NOW_NS + 120 * DAY_NS)
         assert powers(store, StoreQuestion(t_ns=0, about="radio")) == []
+        assert store.learn().sums == ()
     assert list(tmp_path.glob("raw/radio/day=*/*.parquet")) == []
 
 
@@ -230,6 +256,24 @@ def test_learned_sums_are_those_of_pass_values_and_stay_when_days_close(tmp_path
         assert one.n == len(values)
         assert one.total == pytest.approx(sum(values))
         assert one.squares == pytest.approx(sum(value * value for value in values))
+
+
+def test_absurd_places_and_powers_are_kept_and_not_learned(tmp_path: Path) -> None:
+    figures: list[dict[str, object]] = [
+        {"chainage_m": 1e300},
+        {"chainage_m": -math.inf},
+        {"chainage_m": math.nan},
+        {"channel_power_dbm": 1e9},
+        {"channel_power_dbm": -math.inf},
+        {"channel_power_dbm": -70.0},
+    ]
+    records = [measurement(n, **fields) for n, fields in enumerate(figures)]
+    with opened(tmp_path) as (store, ingest):
+        store.commit(ingest.take(batch(records), NOW_NS).commit)
+        assert len(powers(store, StoreQuestion(t_ns=0, about="radio"))) == len(records)
+        assert [(one.n, one.total) for one in store.learn().sums] == [(1, -70.0)]
+        assert "6 rows of radio" in store.tend(NOW_NS + 30 * DAY_NS)
+        assert [(one.n, one.total) for one in store.learn().sums] == [(1, -70.0)]
 
 
 @pytest.mark.parametrize("page", ["x", "W10=", "////"])

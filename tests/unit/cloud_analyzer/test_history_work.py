@@ -132,6 +132,17 @@ def test_daily_updates_see_every_pass_once_and_find_what_one_analysis_finds(tmp_
     assert model.withheld
 
 
+def test_models_and_findings_go_when_their_days_do(tmp_path: Path) -> None:
+    with closing(DuckDbStore(tmp_path, keep_days=10.0)) as store:
+        bring(store)
+        done(store, "learn", FAULT_NS)
+        done(store, "analyse")
+        store.tend(END_NS + 5 * DAY_NS)
+        assert [len(rows(store, about)) > 0 for about in ("models", "model_parts", "reanalysed")] == [True] * 3
+        store.tend(NOW_NS + 11 * DAY_NS)
+        assert [rows(store, about) for about in ("models", "model_parts", "reanalysed")] == [[]] * 3
+
+
 def test_an_empty_history_teaches_nothing_and_a_model_that_is_none_is_refused(tmp_path: Path) -> None:
     with closing(DuckDbStore(tmp_path)) as store:
         assert done(store, "learn").model == ""
