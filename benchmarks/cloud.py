@@ -27,6 +27,7 @@ from schemas.topic import Place
 from schemas.topics import RADIO_MEASUREMENT
 from services.cloud_analyzer.duckdb_store import DuckDbStore
 from services.cloud_analyzer.history import DAY_NS
+from services.cloud_analyzer.history_work import HistoryWork
 from services.cloud_analyzer.ingest import Ingest
 from services.cloud_analyzer.tables import RADIO
 from services.lte_bridge.batch import packed, unpacked
@@ -138,12 +139,15 @@ def _learning(rows: int, rounds: int) -> list[Result]:
         ours, theirs = alternate(rounds, lambda: seconds(store.learn), lambda: _numpy(section, power, group))
         scan = min(seconds(store.learn_from_rows) for _ in range(2))
         update = _daily(store, rounds)
+        history = HistoryWork(store, "demo")
+        modelled = seconds(lambda: history.learn(T0_NS, T0_NS + DAY_NS, T0_NS + (DAYS + 10) * DAY_NS))
     peer = "numpy over arrays in memory, one level"
     shown = f"{rows / 1e6:g} M rows, {len(kept.sums)} sums"
     return [
         Result("learn, sums kept", shown, "ms", ours * 1e3, peer, (theirs or 0.0) * 1e3, (theirs or 0.0) / ours),
         Result("learn, every row anew", shown, "ms", scan * 1e3, peer, (theirs or 0.0) * 1e3, (theirs or 0.0) / scan),
         Result("daily update", f"{rows // DAYS} rows", "ms", update * 1e3, "", None, None, "sums of one day anew"),
+        Result("radio model of a day", f"{rows // DAYS} rows", "s", modelled, "", None, None, "passes, held out, kept"),
     ]
 
 

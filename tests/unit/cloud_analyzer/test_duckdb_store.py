@@ -267,7 +267,7 @@ def test_absurd_places_and_powers_are_kept_and_not_learned(tmp_path: Path) -> No
         {"channel_power_dbm": -math.inf},
         {"channel_power_dbm": -70.0},
     ]
-    records = [measurement(n, **fields) for n, fields in enumerate(figures)]
+    records = [measurement(n, **fields) for n, fields in enumerate(figures)]  # type: ignore[arg-type]  # fields of the message
     with opened(tmp_path) as (store, ingest):
         store.commit(ingest.take(batch(records), NOW_NS).commit)
         assert len(powers(store, StoreQuestion(t_ns=0, about="radio"))) == len(records)
