@@ -83,10 +83,17 @@ def _warm_up_motion() -> None:
 
 
 def _warm_up_runs() -> None:
-    """Compile what the analysis of runs needs."""
+    """Compile what the analysis of runs needs: projection and smoother, by a short run on the demo line."""
     import numpy as np
 
-    from services.run_history.track_smoothing import smoothed
+    from services.line.alignment import alignment_of, routes
+    from services.line.line_file import load_line
+    from services.run_history.demo_vehicle import demo_vehicle
+    from services.run_history.fixes import run_log
+    from services.run_history.run_analysis import analyse_run
 
+    line = load_line(Path("demo")).line
+    ways = [alignment_of(line, branch) for branch in routes(line)]
     seconds = np.arange(30.0)
-    smoothed(seconds, 10.0 * seconds, np.full(30, 10.0))
+    lat, lon, _ = ways[0].position(200.0 + 10.0 * seconds)
+    analyse_run(run_log("warm-up", seconds, lat, lon, np.full(30, 10.0)), ways, line.stations, demo_vehicle())
