@@ -33,6 +33,8 @@ class Circumstances(msgspec.Struct, frozen=True, kw_only=True):
 
     kind: Kind
     length_m: float
+    quantity: str = "power"
+    """What the event is about, by its name in the analysis."""
     at_site: bool = False
     whole_line: bool = False
     """The change is that of the whole line (precursor)."""
@@ -77,7 +79,7 @@ class Circumstances(msgspec.Struct, frozen=True, kw_only=True):
 
 def cause_of(seen: Circumstances) -> tuple[Cause, str]:
     """The likeliest cause, and the words for it."""
-    for rule in (_transmitter, _dead, _interference, _snow, _site, _device, _too_early):
+    for rule in (_own, _transmitter, _dead, _interference, _snow, _site, _device, _too_early):
         told = rule(seen)
         if told is not None:
             return told
@@ -100,6 +102,16 @@ def snowing(weather: Weather | None) -> bool:
         or (weather.snow_depth_cm or 0.0) > 0.0
         or (cold and (weather.rain_mm_per_h or 0.0) > 0.0)
     )
+
+
+def _own(seen: Circumstances) -> tuple[Cause, str] | None:
+    """What nothing along the line changes."""
+    if seen.quantity not in OWN:
+        return None
+    return "device", f"{OWN[seen.quantity]} is the device's own"
+
+
+OWN: Final = {"temperature": "its temperature", "frequency": "its frequency"}
 
 
 def _transmitter(seen: Circumstances) -> tuple[Cause, str] | None:
@@ -148,6 +160,9 @@ def _interference(seen: Circumstances) -> tuple[Cause, str] | None:
             return "unknown", f"the wanted signal itself is stronger ({seen.decoded_db:+.1f} dB decoded)"
     if lost and seen.power_db is not None and seen.power_db > -UNCHANGED_DB:
         return "interference", f"{ratios} although channel power is {seen.power_db:+.1f} dB off its mean"
+    known = [change for change in (seen.power_db, seen.decoded_db) if change is not None]
+    if seen.quantity == "bits" and not seen.whole_line and known and min(known) > -UNCHANGED_DB:
+        return "interference", f"more bits need correcting although power is {min(known):+.1f} dB off its mean"
     weaker = seen.decoded_db is not None and seen.decoded_db < -GAP_DB
     if lost and not weaker and seen.strength_db is not None and seen.strength_db > STRONG_DB:
         return "interference", f"{ratios} although decoded power is {seen.strength_db:.0f} dB above what it needs"

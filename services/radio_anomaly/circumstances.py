@@ -41,6 +41,7 @@ class Scene:
             by_stream(journey).get((radio, channel), []),
             monitor.settings,
             monitor.mask((radio, channel)),
+            site=not journey.direction,
         )
         return Circumstances(
             kind=kind,

@@ -140,7 +140,7 @@ class Monitor:
         mask = self.mask(key)
         state = self.streams[key]
         if mask is not None:
-            baseline = state.baseline(quantity, self.settings.half_life_days, mask)
+            baseline = state.baseline(quantity, self.settings.half_life_days, mask, site=not journey.direction)
             bins = [
                 b
                 for b in bins
@@ -209,7 +209,8 @@ class Monitor:
         mask = self.mask(key)
         if mask is None or mask(journey.direction, silence.start, journey.day) != "accepted":
             return False
-        baselines = [self.streams[key].baseline(q, self.settings.half_life_days, mask) for q in ("power", "decoded")]
+        days, site = self.settings.half_life_days, not journey.direction
+        baselines = [self.streams[key].baseline(q, days, mask, site=site) for q in ("power", "decoded")]
         heard = max(one.predict(journey.direction, silence.start, "").passes for one in baselines)
         return heard < ACCEPTED_PASSES
 

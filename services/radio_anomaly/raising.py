@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final, Literal
+from typing import Literal
 
 import msgspec
 
@@ -13,30 +13,14 @@ from services.radio_anomaly.circumstances import Scene
 from services.radio_anomaly.event_book import OpenEvent
 from services.radio_anomaly.incidents import put_together, words_of
 from services.radio_anomaly.monitor import Judgement, Monitor
-from services.radio_anomaly.passes import Journey, plain
-from services.radio_anomaly.precursor import Loss, Trend, expected_loss
+from services.radio_anomaly.passes import Journey, plain, transformed
+from services.radio_anomaly.precursor import WORSE, Loss, Trend, expected_loss
 from services.radio_anomaly.presence import Silence
+from services.radio_anomaly.reasons import step_words, trend_words
 from services.radio_anomaly.steps import Finding
 from services.radio_anomaly.stream_state import POWERS, View
 from services.radio_anomaly.stretch_figures import band, clearest
 from services.radio_anomaly.weather_map import Sky, no_weather
-
-UNITS: Final = {
-    "power": "dB",
-    "decoded": "dB",
-    "reception": "rad (2 asin √ratio)",
-    "bits": "ln bits",
-    "frequency": "Hz",
-    "temperature": "°C",
-}
-NAMES: Final = {
-    "power": "power",
-    "decoded": "decoded power",
-    "reception": "reception",
-    "bits": "corrected bits",
-    "frequency": "frequency offset",
-    "temperature": "device temperature",
-}
 
 
 class Evidence(msgspec.Struct, frozen=True, kw_only=True):
@@ -148,7 +132,7 @@ class Raiser:
         value, lower, upper = band(view, rows, self._monitor.settings.k)
         cause, why = self._cause(scene.at(kind, finding.radio, finding.channel, stretch), event)
         passes = int(view.residuals.passes[rows].mean().round())
-        words = self._step_words(finding, (value, lower, upper), passes)
+        words = step_words(finding, (value, lower, upper), passes, finding.length * self._monitor.settings.section_m)
         return self._event(
             journey,
             event,
@@ -162,20 +146,6 @@ class Raiser:
             confirmed=finding.confirmed or event.confirmed,
             learned_passes=passes,
             reason=f"{words}; {why}",
-        )
-
-    def _step_words(self, finding: Finding, shown: tuple[float, float, float], passes: int) -> str:
-        value, lower, upper = (plain(finding.quantity, one) for one in shown)
-        metres = finding.length * self._monitor.settings.section_m
-        unit = " dBm" if finding.quantity in POWERS else ""
-        level = f"{value:.2f}" if not unit else f"{value:.1f}"
-        usual = f"{lower:.2f} to {upper:.2f}" if not unit else f"{lower:.1f} to {upper:.1f}"
-        seen = "this pass alone" if finding.passes == 1 else f"{finding.passes} passes together"
-        sure = "" if finding.confirmed else ", not yet confirmed by a second pass"
-        return (
-            f"{NAMES[finding.quantity]} {level}{unit} over {metres:.0f} m where a section has {usual}{unit}: "
-            f"{finding.change:+.1f} {UNITS[finding.quantity]}, {abs(finding.score):.1f} standard deviations from "
-            f"{seen}, learned from {passes} passes{sure}"
         )
 
     def _missing(self, journey: Journey, silence: Silence, scene: Scene) -> RadioEvent:
@@ -209,12 +179,13 @@ class Raiser:
         view = judgement.views[stream]
         rows = view.over(*stretch) if trend.length else slice(0, len(view.values))
         value, lower, upper = band(view, rows, self._monitor.settings.k)
-        kind: Kind = "below" if trend.level < 0.0 else "above"
+        # More corrected bits are for the worse, as less power is.
+        kind: Kind = "above" if trend.level * WORSE.get(trend.quantity, -1.0) < 0.0 else "below"
         seen = scene.at(kind, trend.radio, trend.channel, stretch)
-        cause, why = self._cause(msgspec.structs.replace(seen, whole_line=trend.length == 0), event)
+        seen = msgspec.structs.replace(seen, whole_line=trend.length == 0, quantity=trend.quantity)
+        cause, why = self._cause(seen, event)
         loss, forecast = self.forecast(journey, view, rows, trend)
-        unit = UNITS[trend.quantity]
-        where = "the whole line" if not trend.length else f"{trend.length * self._monitor.settings.section_m:.0f} m"
+        words = trend_words(trend, (lower + upper) / 2.0, trend.length * self._monitor.settings.section_m)
         power = trend.quantity in POWERS
         return self._event(
             journey,
@@ -231,10 +202,7 @@ class Raiser:
             expected_loss_ns=loss and loss.expected_ns,
             expected_loss_early_ns=loss and loss.early_ns,
             expected_loss_late_ns=loss and loss.late_ns,
-            reason=(
-                f"{NAMES[trend.quantity]} of {where} is {trend.level:+.1f} {unit} off its mean over the last passes "
-                f"and goes on by {trend.slope_per_day:+.2f} ± {trend.slope_deviation:.2f} {unit} a day{forecast}; {why}"
-            ),
+            reason=f"{words}{forecast}; {why}",
         )
 
     def _stretch_of(self, view: View, stretch: tuple[int, int]) -> tuple[int, int]:
@@ -243,26 +211,27 @@ class Raiser:
         return view.extent
 
     def forecast(self, journey: Journey, view: View, rows: slice, trend: Trend) -> tuple[Loss | None, str]:
-        """When the weakest section of a falling stretch will be too weak, and in words."""
-        if trend.quantity not in POWERS:
-            return None, ""
+        """When the weakest section of a falling stretch will be too weak, or too badly received, and in words."""
         settings = self._monitor.settings
-        learned = self._monitor.curve.loss_power_dbm()
-        known = (settings.loss_power_dbm, True) if settings.loss_power_dbm is not None else learned
-        if known is None:
+        ratio = settings.least_received_ratio
+        if trend.quantity == "reception":
+            limit, where, seen = transformed("reception", ratio), f"{ratio:.0%}", True
+        elif trend.quantity in POWERS:
+            learned = self._monitor.curve.loss_power_dbm()
+            known = (settings.loss_power_dbm, True) if settings.loss_power_dbm is not None else learned
+            if known is None:
+                return None, ""
+            limit, where, seen = known[0], f"{ratio:.0%} (at {known[0]:.0f} dBm)", known[1]
+        else:
             return None, ""
         expected = view.values[rows] - view.residuals.residual[rows]
-        loss = expected_loss(trend, float(expected.min()) + trend.level - known[0], journey.last_ns)
+        loss = expected_loss(trend, float(expected.min()) + trend.level - limit, journey.last_ns)
         if loss is None:
             return None, ""
         days, early = ((one - journey.last_ns) / 86_400e9 for one in (loss.expected_ns, loss.early_ns))
         late = "" if loss.late_ns is None else f" to {(loss.late_ns - journey.last_ns) / 86_400e9:.0f}"
-        seen = "" if known[1] else ", or later: it was never heard to fail"
-        ratio = settings.least_received_ratio
-        return loss, (
-            f", so that reception is expected below {ratio:.0%} (at {known[0]:.0f} dBm) in {days:.0f} days "
-            f"({early:.0f}{late}){seen}"
-        )
+        later = "" if seen else ", or later: it was never heard to fail"
+        return loss, f", so that reception is expected below {where} in {days:.0f} days ({early:.0f}{late}){later}"
 
     def _ended(self, journey: Journey, one: OpenEvent) -> RadioEvent:
         return self._event(

@@ -62,13 +62,18 @@ class StreamState:
         self.passes = 0.0
         self.books: defaultdict[str, Book] = defaultdict(Book)
         self.temperature = TemperatureEffect()
-        self._fitted: dict[str, Baseline] = {}
+        self._fitted: dict[tuple[str, bool], Baseline] = {}
 
-    def baseline(self, quantity: str, half_life_days: float, mask: Mask | None) -> Baseline:
-        """Fitted on the first question after learning."""
-        if quantity not in self._fitted:
-            self._fitted[quantity] = Baseline(quantity, self.books[quantity].merged(half_life_days, mask))
-        return self._fitted[quantity]
+    def baseline(self, quantity: str, half_life_days: float, mask: Mask | None, *, site: bool = False) -> Baseline:
+        """Fitted on the first question after learning; of the line, or of what was heard without a place at a site.
+
+        A wayside radio knows the place of some trains only: the one history says nothing of the other.
+        """
+        if (quantity, site) not in self._fitted:
+            merged = self.books[quantity].merged(half_life_days, mask)
+            groups = {group: sums for group, sums in merged.items() if (group[0] == "") is site}
+            self._fitted[(quantity, site)] = Baseline(quantity, groups)
+        return self._fitted[(quantity, site)]
 
     def forget_fit(self) -> None:
         """Fit anew when asked next."""
@@ -113,10 +118,10 @@ def view_of(
 ) -> View | None:
     """A pass's residuals and tests of one quantity; None without any."""
     mine = [bin_ for bin_ in bins if bin_.quantity == quantity]
-    baseline = state.baseline(quantity, settings.half_life_days, mask)
+    baseline = state.baseline(quantity, settings.half_life_days, mask, site=not direction)
     if not mine or not baseline.sections():
         return None
-    explained = _explained(state, quantity, bins, settings, mask)
+    explained = _explained(state, quantity, bins, settings, mask, site=not direction)
     # Where reception was bad already, a bad pass is nothing new, and scatters more than the line's spread tells.
     least_mean = transformed(quantity, settings.least_received_ratio) if quantity == "reception" else -math.inf
     rows: dict[int, list[float]] = {}
@@ -140,13 +145,15 @@ def view_of(
     return View(residuals, table[:, 3] / table[:, 0], tests)
 
 
-def transmit_change(state: StreamState, bins: Sequence[Bin], settings: Settings, mask: Mask | None) -> float | None:
+def transmit_change(
+    state: StreamState, bins: Sequence[Bin], settings: Settings, mask: Mask | None, *, site: bool
+) -> float | None:
     """Transmit power against its mean, dB; None where it is not told."""
     told = [bin_ for bin_ in bins if bin_.quantity == "transmit"]
     if not told or "transmit" not in state.books:
         return None
     mean = sum(bin_.count * bin_.value for bin_ in told) / sum(bin_.count for bin_ in told)
-    return mean - state.baseline("transmit", settings.half_life_days, mask).line_mean
+    return mean - state.baseline("transmit", settings.half_life_days, mask, site=site).line_mean
 
 
 def mean_temperature(bins: Sequence[Bin]) -> float | None:
@@ -155,15 +162,17 @@ def mean_temperature(bins: Sequence[Bin]) -> float | None:
     return sum(b.count * b.value for b in told) / sum(b.count for b in told) if told else None
 
 
-def _explained(state: StreamState, quantity: str, bins: Sequence[Bin], settings: Settings, mask: Mask | None) -> float:
+def _explained(
+    state: StreamState, quantity: str, bins: Sequence[Bin], settings: Settings, mask: Mask | None, *, site: bool
+) -> float:
     """What the device's temperature explains of a power [dB], and its transmit power where that is controlled."""
     if quantity not in POWERS:
         return 0.0
     warm_c = mean_temperature(bins)
     warm_db = 0.0 if warm_c is None else state.temperature.at(warm_c)
-    change_db = transmit_change(state, bins, settings, mask)
+    change_db = transmit_change(state, bins, settings, mask, site=site)
     if change_db is None:
         return warm_db
-    spread_db2 = state.baseline("transmit", settings.half_life_days, mask).line_variance
+    spread_db2 = state.baseline("transmit", settings.half_life_days, mask, site=site).line_variance
     # A transmitter whose power was steady while it was learned has no business to change it: that is for an event.
     return warm_db + (change_db if spread_db2 > CONTROLLED_DB2 else 0.0)

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.radio_anomaly.baseline import Baseline, Book, Sums, one
+from services.radio_anomaly.stream_state import StreamState
 
 
 def book_of(values: list[tuple[str, str, int, str, float]]) -> Book:
@@ -89,3 +90,13 @@ def test_what_was_withheld_counts_only_where_it_is_accepted() -> None:
     assert book.merged(60.0, None)[("up", 0, "")].mean == -80.0
     accepted = book.merged(60.0, lambda _d, _s, day: "accepted" if day >= "2026-01-02" else None)
     assert accepted[("up", 0, "")].mean == -90.0
+
+
+def test_a_site_and_the_line_know_nothing_of_each_other() -> None:
+    state = StreamState()
+    for section in range(3):
+        state.books["power"].add("2026-01-05", ("up", section, ""), Sums(10.0, -600.0, 36_010.0))
+    state.books["power"].add("2026-01-05", ("", 0, ""), Sums(10.0, -900.0, 81_010.0))
+    # Each alone says -60 and -90 dBm; drawn together with the other they would lie between.
+    assert state.baseline("power", 120.0, None).predict("up", 0, "").mean == pytest.approx(-60.0, abs=1e-9)
+    assert state.baseline("power", 120.0, None, site=True).predict("", 0, "").mean == pytest.approx(-90.0, abs=1e-9)

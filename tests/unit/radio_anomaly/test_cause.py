@@ -40,6 +40,28 @@ DRY = Weather(t_ns=0, axis_m=0.0, temperature_c=8.0)
         (Circumstances(kind="below", length_m=100.0, at_site=True, other_share=0.9, other_radios=20), "interference"),
         (Circumstances(kind="below", length_m=100.0, at_site=True, other_share=0.1, other_radios=20), "unknown"),
         (Circumstances(kind="below", length_m=9000.0, power_db=-6.0, transmit_db=-6.0), "device"),
+        (Circumstances(kind="above", length_m=1000.0, quantity="temperature"), "device"),
+        (Circumstances(kind="above", length_m=1000.0, quantity="frequency"), "device"),
+        (Circumstances(kind="below", length_m=1000.0, quantity="bits", power_db=0.2, decoded_db=-0.3), "interference"),
+        (Circumstances(kind="below", length_m=1000.0, quantity="bits", power_db=-4.0, decoded_db=-4.0), "obstruction"),
+        (Circumstances(kind="below", length_m=9e3, quantity="bits", power_db=0.0, whole_line=True), "device"),
+        # At the edge of its range a radio loses frames by two decibels, and a fall of power explains its own losses.
+        (
+            Circumstances(kind="missing", length_m=200.0, power_db=-2.0, received_ratio=0.7, normal_ratio=0.9),
+            "obstruction",
+        ),
+        (
+            Circumstances(
+                kind="below",
+                length_m=9e3,
+                decoded_db=-7.0,
+                received_ratio=0.8,
+                normal_ratio=1.0,
+                strength_db=8.0,
+                whole_line=True,
+            ),
+            "device",
+        ),
     ],
 )
 def test_causes(seen: Circumstances, cause: Cause) -> None:
