@@ -392,6 +392,8 @@ EXAMPLES: dict[type[Message], Message] = {
     RadioEvent: RadioEvent(
         t_ns=_T_NS,
         event_id="R3-2412-up-1",
+        incident_id="R2-2412-up-4",
+        incident="interference, 2 radios, 3 events: R2 2412 3.9-4.4 km, R3 2412 4.2-4.5 km",
         phase="began",
         radio="R3",
         channel="2412",
