@@ -77,20 +77,32 @@ def analyse_run(
     except UnusableLogError as reason:
         return RunResult(log.run_id, (), str(reason))
     track = smoothed(found.t_s, found.place_m, found.signed_mps)
-    stops = stops_of(found.t_s, track.way_m, np.abs(track.speed_mps), stations)
-    legs = tuple(_leg_run(log.run_id, leg, found, track, ways[0], vehicle, window_s) for leg in legs_of(stops))
+    forward = np.abs(track.speed_mps)
+    stops = stops_of(found.t_s, track.way_m, forward, stations)
+    average = None if window_s is None else moving_average(track.t_s, found.measured_mps, window_s)
+    noise = acceleration_noise_mps2(
+        track.t_s, found.measured_mps, forward if average is None else np.nan_to_num(average), window_s
+    )
+    run = _Run(log.run_id, found, track, average, noise)
+    legs = tuple(_leg_run(run, leg, ways[0], vehicle) for leg in legs_of(stops))
     return RunResult(log.run_id, legs, "; ".join(found.notes))
 
 
-def _leg_run(
-    run_id: str,
-    leg: Leg,
-    found: LogTrack,
-    track: Smoothed,
-    way: Alignment,
-    vehicle: Vehicle,
-    window_s: float | None,
-) -> LegRun:
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """What all legs of a run have in common."""
+
+    run_id: str
+    found: LogTrack
+    track: Smoothed
+    average_mps: Floats | None
+    """The article's moving average; None for the smoother."""
+    noise_mps2: float
+    """Of the acceleration."""
+
+
+def _leg_run(run: _Run, leg: Leg, way: Alignment, vehicle: Vehicle) -> LegRun:
+    found, track = run.found, run.track
     measured_mps, zero_s = found.measured_mps, found.zero_s
     part = slice(leg.first - 1, leg.last + 2)
     t, places = track.t_s[part], track.way_m[part]
@@ -99,18 +111,16 @@ def _leg_run(
     onward_m = sign * found.place_m
     speed = np.maximum(sign * track.speed_mps, 0.0)
     acceleration = sign * track.acceleration_mps2
-    if window_s is not None:
-        average = moving_average(track.t_s, measured_mps, window_s)
-        speed = np.where(np.isfinite(average), average, speed)
+    if run.average_mps is not None:
+        speed = np.where(np.isfinite(run.average_mps), run.average_mps, speed)
         acceleration = np.gradient(speed, track.t_s)
     force = vehicle.track_force_n(sign * way.gradient_permille(places), way.curvature_per_m(places))
-    noise = acceleration_noise_mps2(track.t_s, measured_mps, speed, window_s)
     energy = traction_energy(
-        vehicle, t, speed[part], acceleration[part], track.acceleration_sigma_mps2[part], force, noise
+        vehicle, t, speed[part], acceleration[part], track.acceleration_sigma_mps2[part], force, run.noise_mps2
     )
     ends = assumed_ends(leg, track.t_s, speed, vehicle.acceleration_mps2, vehicle.deceleration_mps2)
     sudden_m = 0.0
-    if window_s is None:
+    if run.average_mps is None:
         told_mps = measured_mps if np.isfinite(measured_mps[part]).mean() > ENOUGH_SPEEDS else speed
         start, halt = start_of(leg, track.t_s, told_mps, onward_m), halt_of(leg, track.t_s, told_mps, onward_m)
         ends = ends_by_slope(ends, start, halt)
@@ -123,7 +133,7 @@ def _leg_run(
     assert leg.start.station is not None  # noqa: S101 - legs run between stations
     assert leg.end.station is not None  # noqa: S101 - the same
     return LegRun(
-        run_id,
+        run.run_id,
         leg.start.station,
         leg.end.station,
         "up" if up else "down",

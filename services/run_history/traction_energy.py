@@ -8,6 +8,7 @@ part is s (φ(z) − |z| Φ(−|z|)) too large on average, z = F/s. So much is t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot, sqrt
 from typing import Final
 
 import numpy as np
@@ -83,12 +84,12 @@ def traction_energy(
     noise = min(noise, raw)
     wheel = raw - noise
     duration_s = max(float(t_s[-1] - t_s[0]), 1.0)
-    alike = float(np.sqrt(min(1.0, CORRELATION_S / duration_s)))
+    alike = sqrt(min(1.0, CORRELATION_S / duration_s))
     unsure = float(np.sum(driving * acceleration_sigma_mps2)) * mass * alike
     parts = _parts(driving, pulled, resistance)
-    spread = float(np.hypot.reduce((*parts, unsure, wheel * EFFICIENCY_SHARE, noise * NOISE_SHARE)))
+    spread = hypot(*parts, unsure, wheel * EFFICIENCY_SHARE, noise * NOISE_SHARE)
     back = -float(np.sum(braking * force))
-    back_spread = float(np.hypot.reduce((*_parts(braking, pulled, resistance), back * REGENERATION_SHARE)))
+    back_spread = hypot(*_parts(braking, pulled, resistance), back * REGENERATION_SHARE)
     factor = vehicle.calibration / vehicle.line_to_wheel
     auxiliaries = vehicle.auxiliaries * duration_s / 3600.0
     return Energy(
@@ -113,13 +114,13 @@ def excess_of_positive_part(force_n: Floats, noise_n: float) -> Floats:
     """By how much normal noise enlarges the positive part of a force on average, in closed form; shape of `force_n`."""
     if noise_n <= 0.0:
         return np.zeros(len(force_n))
-    z = np.abs(force_n) / noise_n
-    near = z < FAR
     found = np.zeros(len(force_n))
-    density = np.exp(-0.5 * z[near] ** 2) / np.sqrt(2.0 * np.pi)
+    near = np.flatnonzero(np.abs(force_n) < FAR * noise_n)
+    z = np.abs(force_n[near]) / noise_n
+    density = np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi)
     # Mills' ratio by Abramowitz and Stegun 26.2.17 (error below 7.5e-8): numpy has no error function.
-    share = 1.0 / (1.0 + 0.2316419 * z[near])
+    share = 1.0 / (1.0 + 0.2316419 * z)
     terms = (0.319381530, -0.356563782, 1.781477937, -1.821255978, 1.330274429)
     tail = density * sum(factor * share ** (power + 1) for power, factor in enumerate(terms))
-    found[near] = noise_n * np.maximum(density - z[near] * tail, 0.0)
+    found[near] = noise_n * np.maximum(density - z * tail, 0.0)
     return found
