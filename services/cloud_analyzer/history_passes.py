@@ -18,7 +18,7 @@ from services.radio_anomaly.settings import Settings
 
 PAGE_ROWS: Final = 50_000
 PAGE_TIMEOUT_S: Final = 120.0
-LONGEST_NS: Final = 12 * 3600 * 1_000_000_000
+LONGEST_NS: Final = 6 * 3600 * 1_000_000_000
 """A pass takes no longer: so far beyond both ends of a time its passes are looked for."""
 SILENT_NS: Final = 3600 * 1_000_000_000
 """A pass is over after this long without a measurement."""
@@ -63,39 +63,58 @@ def passes_between(
     Consecutive times give every pass once. No more is held in memory than one page of measurements, those of passes
     that are not over, and the passes binned so far.
     """
-    found = Passes()
-    under_way: dict[tuple[str, str], list[Reading]] = {}
-
-    def finish(names: Sequence[tuple[str, str]]) -> None:
-        for name in names:
-            groups, left = sorted_passes(under_way.pop(name), settings)
-            for group in groups:
-                if from_ns <= group[0].t_ns < until_ns:
-                    found.journeys.append(binned(group, settings))
-                    found.readings += len(group)
-                    found.left_out += left
-
+    gathering = _Gathering(from_ns, until_ns, settings)
     question = StoreQuestion(
         t_ns=0, about="radio", from_ns=max(from_ns - LONGEST_NS, 0), until_ns=until_ns + LONGEST_NS
     )
+    found = gathering.found
     for answer in pages(store, question, stopped):
         found.partial = found.partial or answer.partial
         for reading in _readings(answer, found.left_out, (from_ns, until_ns)):
-            name = pass_of(reading, settings)
-            begun = under_way.get(name)
-            if begun is not None and reading.t_ns - begun[-1].t_ns > SILENT_NS:
-                finish([name])
-                begun = None
-            if begun is None:
-                under_way[name] = [reading]
-            else:
-                begun.append(reading)
-        if answer.rows:
-            now_ns = int(answer.rows[-1][answer.columns.index("taken_ns")] or 0)
-            finish([name for name, begun in under_way.items() if now_ns - begun[-1].t_ns > SILENT_NS])
-    finish(list(under_way))
+            gathering.take(reading)
+        if answer.rows and gathering.is_over(int(answer.rows[-1][answer.columns.index("taken_ns")] or 0)):
+            break
+    gathering.finish(list(gathering.under_way))
     found.journeys.sort(key=lambda one: (one.first_ns, one.pass_id, one.direction))
     return found
+
+
+@dataclass(slots=True)
+class _Gathering:
+    """Passes that are under way while measurements come in the order of their times."""
+
+    from_ns: int
+    until_ns: int
+    settings: Settings
+    found: Passes = field(default_factory=Passes)
+    under_way: dict[tuple[str, str], list[Reading]] = field(default_factory=dict)
+
+    def take(self, reading: Reading) -> None:
+        """Add to its pass; after a long silence another one of that name has begun."""
+        name = pass_of(reading, self.settings)
+        begun = self.under_way.get(name)
+        if begun is not None and reading.t_ns - begun[-1].t_ns > SILENT_NS:
+            self.finish([name])
+            begun = None
+        if begun is None:
+            self.under_way[name] = [reading]
+        else:
+            begun.append(reading)
+
+    def is_over(self, now_ns: int) -> bool:
+        """Finish what has been silent for long; whether no pass that is looked for can go on."""
+        self.finish([name for name, begun in self.under_way.items() if now_ns - begun[-1].t_ns > SILENT_NS])
+        return now_ns >= self.until_ns and all(begun[0].t_ns >= self.until_ns for begun in self.under_way.values())
+
+    def finish(self, names: Sequence[tuple[str, str]]) -> None:
+        """Bin passes that are over, and keep those that began in the time."""
+        for name in names:
+            groups, left = sorted_passes(self.under_way.pop(name), self.settings)
+            for group in groups:
+                if self.from_ns <= group[0].t_ns < self.until_ns:
+                    self.found.journeys.append(binned(group, self.settings))
+                    self.found.readings += len(group)
+                    self.found.left_out += left
 
 
 def _readings(answer: StoreAnswer, refused: Counter[str], counted: tuple[int, int]) -> Iterator[Reading]:

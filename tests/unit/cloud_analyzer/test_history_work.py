@@ -14,13 +14,17 @@ from schemas.bridge import HistoryTask, HistoryTaskDone, StoreQuestion
 from schemas.codec import decode_json
 from schemas.radio import RadioEvent
 from services.cloud_analyzer.duckdb_store import DuckDbStore
+from services.cloud_analyzer.history import StoreError
+from services.cloud_analyzer.history_passes import passes_between
 from services.cloud_analyzer.history_work import HistoryWork
+from services.cloud_analyzer.ingest import Ingest
 from services.cloud_analyzer.model_rows import IncompleteModelError, content_of
 from services.cloud_analyzer.result_tables import MODELS, REANALYSED
 from services.radio_anomaly.file_analysis import analyse, learn
 from services.radio_anomaly.radio_model import Origin, RadioModel
 from services.radio_anomaly.radio_model_file import decoded_model
 from services.radio_anomaly.settings import Settings
+from tests.unit.cloud_analyzer.batches import batch, measurement
 from tests.unit.cloud_analyzer.radio_days import END_NS, FAULT_NS, FIRST_DAY_NS, READINGS, bring
 from tests.unit.radio_anomaly.made_up import DAY_NS
 
@@ -130,6 +134,35 @@ def test_daily_updates_see_every_pass_once_and_find_what_one_analysis_finds(tmp_
     assert {event.kind for event in daily if event.confirmed} == {"below"}
     # What the fault shows is not learned.
     assert model.withheld
+
+
+@pytest.mark.parametrize("number", [0, 1, 57, 500, len(READINGS) - 1])
+def test_times_that_meet_within_a_pass_give_every_pass_once(tmp_path: Path, number: int) -> None:
+    cut_ns = READINGS[number].t_ns
+    with history(tmp_path) as store:
+        whole = passes_between(store, 0, END_NS, Settings())
+        parts = [passes_between(store, *times, Settings()) for times in ((0, cut_ns), (cut_ns, END_NS))]
+    assert [one for part in parts for one in part.journeys] == whole.journeys
+    assert sum(part.readings for part in parts) == whole.readings == len(READINGS)
+
+
+def test_what_cannot_be_used_is_counted_and_work_ends_when_the_service_does(tmp_path: Path) -> None:
+    with history(tmp_path) as store:
+        odd = [
+            measurement(10_000, t_ns=0),
+            measurement(10_001, t_ns=FAULT_NS, chainage_m=1e9),
+            measurement(10_002, t_ns=FAULT_NS, channel_power_dbm=None, decoded_power_dbm=None),
+        ]
+        odd = [msgspec.structs.replace(one, heard_ns=FAULT_NS) for one in odd]
+        ingest = Ingest("demo", store.had())
+        store.commit(ingest.take(batch(odd, len(READINGS), sent_ns=END_NS), END_NS).commit)
+        assert done(store, "learn").left_out == {
+            "a clock that was not believed": 1,
+            "chainage_m out of its range": 1,
+            "neither a power nor a reception ratio": 1,
+        }
+        with pytest.raises(StoreError, match="stopping"):
+            HistoryWork(store, "demo", stopped=lambda: True).learn(0, END_NS, NOW_NS)
 
 
 def test_models_and_findings_go_when_their_days_do(tmp_path: Path) -> None:
