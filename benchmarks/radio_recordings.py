@@ -90,6 +90,27 @@ def _known(column: NDArray[np.float64], k: int) -> float | None:
     return float(column[k]) if np.isfinite(column[k]) else None
 
 
+def other_splits(passes: Sequence[Pass]) -> dict[str, tuple[list[Pass], list[Pass]]]:
+    """By name: passes learned, and passes judged, which then come days after those.
+
+    The halves the other way round, and every second pass, either way.
+    """
+    half = len(passes) // 2
+    ways = {
+        "later half learned": (list(passes[half:]), passes[:half]),
+        "odd passes learned": (list(passes[1::2]), passes[::2]),
+        "even passes learned": (list(passes[::2]), passes[1::2]),
+    }
+    days = (passes[-1][-1].t_ns - passes[0][0].t_ns) // DAY_NS + 2
+    return {
+        name: (
+            learned,
+            [[msgspec.structs.replace(one, t_ns=one.t_ns + days * DAY_NS) for one in each] for each in judged],
+        )
+        for name, (learned, judged) in ways.items()
+    }
+
+
 def redated(passes: Sequence[Pass], number: int, begin_ns: int) -> Pass:
     """A drawn pass as the `number`-th of a series with two a day, under a name of its own."""
     drawn = passes[0]
