@@ -46,10 +46,18 @@ class Journey(Part, frozen=True, kw_only=True):
     sensors: Literal["cab", "vehicle"] = "cab"
     """Each cab has its own sensors, which look forward when it leads; or one set looks where cab A looks, always, and
     counts backwards while cab B leads."""
+    propels: bool = False
+    """At its last stop no cab takes over: the train is propelled back, driven from the same cab, with the one set of
+    sensors that it has. Its front end is the rear one then."""
     irregularity: NotNegative = 1.0
     """Of the rail's level, cross level and alignment, against a maintained line."""
     irregularity_seed: Annotated[int, Meta(ge=0)] = 1
     """Of the rail alone: trains with other seeds meet the same rail."""
+
+    @property
+    def fixed_sensors(self) -> bool:
+        """Whether one set looks the same way on every trip."""
+        return self.propels or self.sensors == "vehicle"
 
 
 class Gnss(Part, frozen=True, kw_only=True):

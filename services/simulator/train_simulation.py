@@ -91,7 +91,7 @@ class TrainSimulation:
             start_m=start_m,
             places=places,
             turns_back=scenario.journey.turns_back,
-            fixed_sensors=scenario.journey.sensors == "vehicle",
+            fixed_sensors=scenario.journey.fixed_sensors,
         )
         self.sensors = TrainSensors(settings, seeds[2])
         self._balise_generator = np.random.default_rng(seeds[2].integers(2**32))
@@ -145,23 +145,30 @@ class TrainSimulation:
             changes = self._changes(gps_ns, samples)
             balises = self._balises(gps_ns, samples)
             if measured and self.receiver is not None and gps_ns % self._interval_ns == 0:
+                leading_m = self.route.axis_of(float(samples.way_m[-1]), self._trip)
                 instant = self.receiver.epoch(
                     gps_ns,
-                    self._antenna_front_m(truth.axis_m),
+                    self._antenna_front_m(leading_m),
                     truth.speed_mps,
                     rises=self.route.rises(self._trip),
                     received="gnss_lost" not in faults,
                 )
             if measured and self.radio is not None:
                 befallen = self.faults.radio()
-                rises = self.route.rises(self._trip)
+                rises = self.faces_up
                 readings = self.radio.readings(truth, self._trip, befallen, rises=rises)
                 weather = self.radio.weather(truth.t_ns, befallen)
         return Tick(gps_ns, sensors, samples, truth, instant, balises, changes, faults, readings, weather)
 
+    @property
+    def faces_up(self) -> bool:
+        """Whether the front end looks towards rising `axis_m`: where the train runs, unless it is propelled."""
+        assert self.route is not None  # noqa: S101 - only asked on a line
+        return self.route.rises(0 if self.scenario.journey.propels else self._trip)
+
     def _behind_m(self, behind_front_m: float) -> float:
-        """How far what is so far behind the front end of cab A is behind the end that leads now."""
-        turned = self.scenario.journey.sensors == "vehicle" and self._trip % 2
+        """How far what is so far behind the front end of cab A is behind the end that goes first now."""
+        turned = self.scenario.journey.fixed_sensors and self._trip % 2
         return self.scenario.motion.vehicle.length_m - behind_front_m if turned else behind_front_m
 
     def _antenna_front_m(self, axis_m: float) -> float:
@@ -175,7 +182,10 @@ class TrainSimulation:
     def _truth(self, gps_ns: int, samples: MotionSamples) -> MotionTruth:
         route = self.route
         assert route is not None  # noqa: S101 - only called on a line
-        axis_m = route.axis_of(float(samples.way_m[-1]), int(samples.trip[-1]))
+        trip = int(samples.trip[-1])
+        # The end that goes first is the rear one while the train is propelled.
+        behind_m = self.scenario.motion.vehicle.length_m if self.scenario.journey.propels and trip % 2 else 0.0
+        axis_m = route.axis_of(float(samples.way_m[-1]) - behind_m, trip)
         alignment = route.alignment
         slip = int(samples.slip[-1])
         junction = alignment.junction_axis_m
@@ -193,11 +203,13 @@ class TrainSimulation:
         )
 
     def _changes(self, gps_ns: int, samples: MotionSamples) -> tuple[TrainChange, ...]:
-        """The other cab leads from the sample on at which the train turned back."""
+        """The other cab leads from the sample on at which the train turned back, unless it is propelled."""
         trip = int(samples.trip[-1])
         if trip == self._trip:
             return ()
         self._trip, self._reader_m = trip, None
+        if self.scenario.journey.propels:
+            return ()
         own = self.scenario.journey.sensors == "cab"
         note = f"the other end leads; {'its own sensors look forward' if own else 'sensors look as before'}"
         return (TrainChange(t_ns=utc_ns(gps_ns), kind="cab", cab="B" if trip % 2 else "A", note=note),)
@@ -206,7 +218,8 @@ class TrainSimulation:
         """Balises that the reader has passed since the last tick, at the time of passing."""
         route = self.route
         assert route is not None  # noqa: S101 - only called on a line
-        behind_m = self._behind_m(self.scenario.balise_reader_behind_front_m)
+        behind_front_m = self.scenario.balise_reader_behind_front_m
+        behind_m = self._behind_m(behind_front_m)
         before, reader = self._reader_m, samples.way_m - behind_m
         self._reader_m = float(reader[-1])
         if before is None:
@@ -224,7 +237,7 @@ class TrainSimulation:
                 BalisePassage(
                     t_ns=utc_ns(gps_ns) - max(age_ns, 0),
                     balise=balise.id,
-                    sensor_offset_m=behind_m,
+                    sensor_offset_m=behind_front_m if self.scenario.journey.propels else behind_m,
                     detection_bound_m=BALISE_BOUND_M,
                 )
             )

@@ -173,7 +173,8 @@ def _write_line(folder: Path, simulation: TrainSimulation, loaded: LoadedRoute, 
     for name in ("axis_m", "chainage_m", "speed_mps", "gradient_permille", "curvature_per_m"):
         columns[name] = np.array([getattr(truth, name) for truth in truths])
     columns["branch"] = np.array([truth.branch for truth in truths], dtype=object)
-    rises = [simulation.route is not None and simulation.route.rises(int(t.samples.trip[-1])) for t in gathered.ticks]
+    route, propels = simulation.route, simulation.scenario.journey.propels
+    rises = [route is not None and route.rises(0 if propels else int(tick.samples.trip[-1])) for tick in gathered.ticks]
     columns["direction"] = np.array(["up" if up else "down" for up in rises], dtype=object)
     write_table(folder / "place.parquet", columns)
     start_utc_ns = truths[0].t_ns - TICK_NS
