@@ -10,9 +10,10 @@ from typing import NoReturn
 import msgspec
 
 from schemas.bridge import Document, StoreQuestion
-from schemas.codec import MAX_MESSAGE_BYTES, encode
+from schemas.codec import MAX_MESSAGE_BYTES
 from schemas.topic import Place
 from schemas.topics import STORE
+from services.cloud_analyzer.model_folding import fitting
 from services.cloud_analyzer.model_rows import IncompleteModelError, content_of
 from services.cloud_analyzer.send_command import say
 from services.cloud_analyzer.tables import Value
@@ -22,6 +23,8 @@ from services.runtime.question import NoAnswerError, RefusedError
 from services.runtime.zenoh_node import ZenohNode
 
 TIMEOUT_S = 30.0
+ENVELOPE_BYTES = 4096
+"""Of a document's message beside its content."""
 
 
 def run_model(version: str, place: Place, shard: str, endpoint: str, *, out: Path | None, send_as: str) -> NoReturn:
@@ -68,16 +71,16 @@ async def _rows(node: ZenohNode, place: Place, shard: str, question: StoreQuesti
 
 
 def _document(packed: bytes, name: str, version: str) -> Document:
-    """Packed as it is, for a model of a long line is larger than a message. RefusedError for one that still is."""
-    found = Document(
+    """Packed, and its sums by as many days as it takes for a message to carry it. RefusedError where none does."""
+    try:
+        content, days = fitting(decoded_model(packed, version), MAX_MESSAGE_BYTES - ENVELOPE_BYTES)
+    except ValueError as error:
+        raise RefusedError(str(error)) from error
+    return Document(
         t_ns=0,
         kind="radio_model",
         name=name,
-        version=version,
-        content=packed,
-        sha256=hashlib.sha256(packed).hexdigest(),
+        version=version if days == 1 else f"{version}-by-{days}-days",
+        content=content,
+        sha256=hashlib.sha256(content).hexdigest(),
     )
-    if len(encode(found)) > MAX_MESSAGE_BYTES:
-        msg = f"model {version} has {len(packed)} bytes, more than a message carries ({MAX_MESSAGE_BYTES})"
-        raise RefusedError(msg)
-    return found

@@ -13,6 +13,7 @@ import msgspec
 from schemas.radio import RadioEvent
 from services.cloud_analyzer.tables import Value
 from services.radio_anomaly.radio_model import RadioModel
+from services.radio_anomaly.radio_model_file import encoded_model
 
 PART_CHARACTERS: Final = 262_144
 """Of base64: some parts go into a message."""
@@ -30,10 +31,11 @@ class Learning(msgspec.Struct, frozen=True, kw_only=True):
     based_on: str = ""
     """Version that it goes on from; empty when it was learned anew."""
 
-    def packed(self) -> bytes:
-        """Content of the model's file, packed by gzip."""
-        packer = zlib.compressobj(6, wbits=GZIP_WBITS)
-        return packer.compress(msgspec.json.encode(self.model) + b"\n") + packer.flush()
+
+def packed_model(model: RadioModel) -> bytes:
+    """Content of the model's file, packed by gzip."""
+    packer = zlib.compressobj(6, wbits=GZIP_WBITS)
+    return packer.compress(encoded_model(model)) + packer.flush()
 
 
 def version_of(model: RadioModel) -> str:
@@ -48,7 +50,7 @@ def version_of(model: RadioModel) -> str:
 
 def model_rows(learning: Learning, line: str, now_ns: int) -> tuple[tuple[Value, ...], tuple[tuple[Value, ...], ...]]:
     """Row of `models`, and rows of `model_parts`."""
-    model, packed = learning.model, learning.packed()
+    model, packed = learning.model, packed_model(learning.model)
     version, origin, evidence = version_of(model), model.origin, model.evidence
     text = base64.b64encode(packed).decode()
     parts = [text[first : first + PART_CHARACTERS] for first in range(0, len(text), PART_CHARACTERS)]

@@ -96,7 +96,7 @@ async def test_what_was_acknowledged_is_there_after_kills_and_can_be_asked_for(t
         for words in (
             ("learn",),
             ("history", "models", "--out", f"{tmp_path}/models.csv"),
-            ("model", "--out", f"{tmp_path}/m.json"),
+            ("model", "--out", f"{tmp_path}/m.json", "--send-as", "line"),
         ):
             with running(*CLI, "cloud", *words, "--connect", f"tcp/127.0.0.1:{port}") as command:
                 assert await asyncio.to_thread(command.ended) == 0, command.errors
