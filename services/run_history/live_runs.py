@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
+import msgspec
 import numpy as np
 
 from schemas.line import Line, Station
@@ -32,12 +33,24 @@ SILENT_S: Final = 600.0
 """After such a silence nothing is known of what lies between."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
+class PlaceSeen(msgspec.Struct, frozen=True, array_like=True):
+    """A position of the train, thinned out."""
+
     t_ns: int
     axis_m: float
     branch: str
     speed_mps: float
+
+
+class LegBegun(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of the leg under way beside its positions."""
+
+    line_version: str
+    run_id: str
+    left: str
+    """Station's id; empty while it is not known."""
+    told: bool
+    """Whether the stop that the positions begin with has been told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +58,7 @@ class Arrival:
     """A train has come from one station to another: positions to be analysed."""
 
     run_id: str
-    places: tuple[_Place, ...]
+    places: tuple[PlaceSeen, ...]
     left: Station
     reached: Station
     stood_ns: int
@@ -58,7 +71,7 @@ class LiveRuns:
         """`ways`: the main line first, then each branch, as for logs."""
         self._line, self._ways, self._vehicle = line, ways, vehicle
         self._by_branch = {way.branch: way for way in ways}
-        self._kept: list[_Place] = []
+        self._kept: list[PlaceSeen] = []
         self._left: Station | None = None
         """Where the leg began; None while that is not known."""
         self._stood_ns: int | None = None
@@ -72,8 +85,29 @@ class LiveRuns:
     def take(self, position: TrainPosition) -> RunRecord | Arrival | None:
         """Take a position; gives an arrival to be analysed by `record`, or the record of a leg that was cut."""
         place = self._place_of(position)
-        if place is None:
-            return None
+        return None if place is None else self._take(place)
+
+    @property
+    def kept(self) -> Sequence[PlaceSeen]:
+        """Positions of the leg under way."""
+        return self._kept
+
+    def begun(self) -> tuple[LegBegun, tuple[PlaceSeen, ...]]:
+        """What `resume` needs to go on from here."""
+        left = "" if self._left is None else self._left.id
+        known = LegBegun(line_version=self._line.version, run_id=self._run_id, left=left, told=self._told)
+        return known, tuple(self._kept)
+
+    def resume(self, begun: LegBegun, places: Sequence[PlaceSeen]) -> list[RunRecord | Arrival]:
+        """Go on after a restart; gives what had not been told. Positions of another version of the line are dropped."""
+        if begun.line_version != self._line.version:
+            return []
+        self._run_id, self._told = begun.run_id, begun.told
+        self._left = next((one for one in self._line.stations if one.id == begun.left), None)
+        known = (one for one in places if one.branch in self._by_branch)
+        return [found for place in known if (found := self._take(place)) is not None]
+
+    def _take(self, place: PlaceSeen) -> RunRecord | Arrival | None:
         if self._kept and place.t_ns - self._kept[-1].t_ns < INTERVAL_NS:
             return None
         cut = None
@@ -83,15 +117,18 @@ class LiveRuns:
         self._run_id = self._run_id or f"{place.t_ns // NS}"
         return cut if cut is not None else self._at_station(place)
 
-    def _place_of(self, position: TrainPosition) -> _Place | None:
+    def _place_of(self, position: TrainPosition) -> PlaceSeen | None:
         axis_m, speed = position.axis_m, position.speed_mps
         branch = position.branch or ""
-        usable = axis_m is not None and speed is not None and branch in self._by_branch
-        if not usable or axis_m is None or speed is None or (self._kept and position.t_ns <= self._kept[-1].t_ns):
+        early_ns = self._kept[-1].t_ns - position.t_ns if self._kept else -1
+        if early_ns > SILENT_S * NS:  # the clock was set back: what was kept would hold up all that comes
+            self._begin_anew()
+            early_ns = -1
+        if axis_m is None or speed is None or branch not in self._by_branch or early_ns >= 0:
             self.ignored += 1
             return None
         way = self._by_branch[branch]
-        return _Place(position.t_ns, min(max(axis_m, 0.0), way.length_m), branch, abs(speed))
+        return PlaceSeen(position.t_ns, min(max(axis_m, 0.0), way.length_m), branch, abs(speed))
 
     def _begin_anew(self) -> RunRecord | None:
         """Forget; gives a record cut at its end when the train was under way from a known station."""
@@ -102,7 +139,7 @@ class LiveRuns:
             return None
         return self._cut(last.t_ns, left.id, "", "end", "positions stopped between stations")
 
-    def _at_station(self, place: _Place) -> RunRecord | Arrival | None:
+    def _at_station(self, place: PlaceSeen) -> RunRecord | Arrival | None:
         station = self._station(place)
         if station is None or place.speed_mps >= V_STOP_MPS:
             self._stood_ns = None
@@ -115,7 +152,7 @@ class LiveRuns:
         self._told = True
         return self._arrived(station)
 
-    def _station(self, place: _Place) -> Station | None:
+    def _station(self, place: PlaceSeen) -> Station | None:
         near = min(self._line.stations, key=lambda one: abs(one.axis_m - place.axis_m), default=None)
         if near is None or place.branch or abs(near.axis_m - place.axis_m) > max(STATION_REACH_M, near.platform_m):
             return None

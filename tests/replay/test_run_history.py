@@ -46,9 +46,9 @@ def positions(from_s: float, until_s: float) -> list[TrainPosition]:
     return found
 
 
-def told(sent: Iterable[TrainPosition]) -> tuple[list[RunRecord], list[bytes]]:
+def told(sent: Iterable[TrainPosition], state_folder: str = "") -> tuple[list[RunRecord], list[bytes]]:
     samples = [Sample(TRAIN_POSITION.at(TRAIN), encode(one), b"", one.t_ns) for one in sent]
-    heard = replay_through(samples, [SERVICE], {"run_history": Config()})
+    heard = replay_through(samples, [SERVICE], {"run_history": Config(state_folder=state_folder)})
     mine = [one.payload for one in heard if (at := topic_of(one.key)) and at.topic is RUN_RECORD]
     return [decode(RunRecord, payload) for payload in mine], mine
 
@@ -107,3 +107,36 @@ def test_positions_without_a_place_or_out_of_order_change_nothing() -> None:
     plain = told(good)[1]
     assert told(sorted([*good, *bad], key=lambda one: one.t_ns))[1] == plain
     assert told(repeated)[1] == plain
+
+
+@pytest.mark.parametrize("cut_s", [10.0, 41.0, 100.0, 42.0 + leg_s(0, 1), 75.0 + leg_s(0, 1), 120.0 + leg_s(0, 1)])
+def test_a_restart_goes_on_with_the_leg_under_way_and_tells_each_once(cut_s: float, tmp_path: Path) -> None:
+    whole = told(positions(0.0, TWO_LEGS_S))[1]
+    before = told(positions(0.0, cut_s), str(tmp_path))[1]
+    after = told(positions(cut_s, TWO_LEGS_S), str(tmp_path))[1]
+    assert before + after == whole
+
+
+def test_a_record_that_was_not_put_down_as_told_is_told_again_with_the_same_bytes(tmp_path: Path) -> None:
+    arrived_s = 40.0 + leg_s(0, 1) + 9.0  # below V_stop for 13 s: told at 15 s
+    told(positions(0.0, arrived_s), str(tmp_path))
+    (journal,) = (tmp_path / "run_history").iterdir()
+    kept = journal.read_bytes()
+    first = told(positions(arrived_s, arrived_s + 5.0), str(tmp_path))[1]
+    journal.write_bytes(kept + b"[17,")  # killed after publishing, and in the middle of a line
+    assert told(positions(arrived_s, arrived_s + 5.0), str(tmp_path))[1] == first
+    assert len(first) == 1
+
+
+def test_a_damaged_journal_is_refused_and_the_leg_begins_anew(tmp_path: Path) -> None:
+    told(positions(0.0, 100.0), str(tmp_path))
+    (journal,) = (tmp_path / "run_history").iterdir()
+    journal.write_bytes(b"no journal\n")
+    found, _ = told(positions(100.0, TWO_LEGS_S), str(tmp_path))
+    assert [one.cut for one in found] == ["start", ""]
+
+
+def test_a_clock_that_was_set_back_does_not_hold_up_what_comes() -> None:
+    ahead = [replace(one, t_ns=one.t_ns + 3_600_000_000_000) for one in positions(0.0, 60.0)]
+    found, _ = told([*ahead, *positions(0.0, TWO_LEGS_S)])
+    assert [one.cut for one in found] == ["", ""]
