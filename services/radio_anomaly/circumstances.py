@@ -19,6 +19,7 @@ class Scene:
         """Compare every radio with its mean once, for all questions."""
         self._monitor, self._journey, self._judgement, self._sky = monitor, journey, judgement, sky
         self._shares = OffShares(judgement)
+        self._ranges = monitor.presence.ranges(journey.direction)
 
     def at(self, kind: Kind, radio: str, channel: str, stretch: tuple[int, int]) -> Circumstances:
         """What goes with a stretch of a radio and channel; (0, 0) is the whole line."""
@@ -34,7 +35,7 @@ class Scene:
             normal = plain("reception", now - float(reception.residuals.residual[rows].mean()))
         share, sections = self._shares.of(radio, sign)
         other_share, other_radios = self._shares.others(radio, sign)
-        learned = monitor.presence.range_of(radio, journey.direction)
+        learned = self._ranges.get(radio, set())
         whole = self._shares.range_of(radio, sign, stretch, learned, set(journey.passed))
         transmit = transmit_change(
             monitor.streams[(radio, channel)],

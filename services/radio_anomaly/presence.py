@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable
 from typing import Final
 
@@ -66,9 +67,13 @@ class Presence:
         """Radios and channels ever heard."""
         return {key[:2] for key in self.heard}
 
-    def range_of(self, radio: str, direction: str) -> set[int]:
-        """Sections in which a radio was ever heard in a direction, on any channel."""
-        return {section for name, _, way, section in self.heard if (name, way) == (radio, direction)}
+    def ranges(self, direction: str) -> dict[str, set[int]]:
+        """Of every radio, the sections in which it was ever heard in a direction, on any channel."""
+        found: defaultdict[str, set[int]] = defaultdict(set)
+        for radio, _, way, section in self.heard:
+            if way == direction:
+                found[radio].add(section)
+        return found
 
     def missing(self, journey: Journey, settings: Settings) -> list[Silence]:
         """Runs of sections in which a radio was expected and not heard.
