@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -106,6 +107,29 @@ def test_live_rows_are_those_of_a_file() -> None:
     assert len(heard.rows) >= len(rows) - 1
     assert heard.rows == wanted
     assert heard.episodes == [episode_of(one, shift_ns, "T1-1.1") for one in rows.episodes]
+
+
+def test_a_wheel_that_stands_while_the_train_is_shaken_is_not_vouched_for() -> None:
+    log, _, _ = run_of()
+    shaken_s, end_s = 20.0, 30.0
+    generator = np.random.default_rng(1)
+    under_way = (log.imu_t_s < shaken_s)[:, None] * np.array([0.15] * 3 + [0.0015] * 3)
+    locked = replace(
+        log,
+        imu=log.imu[:1] + generator.normal(0.0, 1.0, log.imu.shape) * (under_way + np.array([0.01] * 3 + [1e-4] * 3)),
+        pulses=np.zeros_like(log.pulses),
+    )
+    heard = served([one for one in blocks_of(locked) if one[0].t_ns < START_NS + end_s * 1e9], LIVE)
+    sliding = [one for one in heard.rows if one.t_ns < START_NS + shaken_s * 1e9]
+    assert {one.status for one in sliding} == {"degraded"}
+    assert not any(one.standstill for one in sliding)
+    assert "it may be locked" in sliding[0].reason
+    # A train of 100 m/s, for as long as the wheel has stood so; the first count comes after the first samples.
+    assert sliding[-1].excess_m == pytest.approx(100.0 * shaken_s, abs=100.0)
+    assert sliding[-1].bound_m > sliding[-1].excess_m
+    resting = heard.rows[-1]
+    assert (resting.status, resting.standstill, resting.origin) == ("valid", True, "T1-1.2")
+    assert resting.excess_m < 1.0
 
 
 def test_late_and_repeated_blocks_change_nothing_but_the_counts() -> None:

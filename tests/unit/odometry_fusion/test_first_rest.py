@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from services.odometry_fusion.first_rest import FirstRest, Rest, RestShaking, Shaking, limits_of
+from services.odometry_fusion.motion_log import Remembered
+from services.odometry_fusion.odometry_store import read_state, state_file, write_state
 
 SECOND_NS = 1_000_000_000
 AT_REST = 0.006
@@ -89,6 +93,12 @@ def test_what_a_vehicle_shows_at_rest_is_learned() -> None:
     # A good sensor in a quiet vehicle tells slow motion, but is not asked for more than any vehicle keeps.
     assert quiet == limits_of(Shaking(0.0, 0.0))
     assert not Shaking(0.05, 0.0).within(quiet)
+
+
+def test_what_was_learned_outlives_a_restart(tmp_path: Path) -> None:
+    known = Remembered(rest_mps2=0.2, rest_radps=3e-3)
+    write_state(state_file(tmp_path, "demo", "T1"), 3, known)
+    assert read_state(state_file(tmp_path, "demo", "T1")) == (3, known)
 
 
 def test_samples_of_a_moving_train_teach_nothing() -> None:
