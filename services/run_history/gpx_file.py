@@ -36,11 +36,12 @@ def read_gpx(path: Path) -> Iterator[RunLog]:
 
 def _tracks(path: Path, file: BinaryIO) -> Iterator[RunLog]:
     rows: list[tuple[float, float, float, float]] = []
-    number = 0
+    number = points = 0
     for _, element in ET.iterparse(file, events=("end",)):  # noqa: S314 - document types are refused above
         match _name(element.tag):
             case "trkpt":
                 rows.append(_point(element))
+                points += 1
                 element.clear()
             case "trk":
                 number += 1
@@ -50,8 +51,8 @@ def _tracks(path: Path, file: BinaryIO) -> Iterator[RunLog]:
                     yield run_log(f"{path.stem}-{number}" if named is None else named.strip(), *columns)
                 rows = []
                 element.clear()
-    if number == 0:
-        msg = f"{path}: no track (trk) in this file"
+    if points == 0:
+        msg = f"{path}: no {'point (trkpt) in its tracks' if number else 'track (trk) in this file'}"
         raise GpxError(msg)
 
 

@@ -18,9 +18,15 @@ ENDINGS: Final = (".csv", ".parquet", ".gpx", ".nmea", ".txt", ".log")
 MEMORY: Final = "512MB"
 BATCH_ROWS: Final = 300_000
 WANTED: Final = ("t_unix_s", "lat_deg", "lon_deg")
-OTHERS: Final = {
+SPEEDS: Final = {
     "speed_kmh": "speed_mps (divide by 3.6)",
+    "speed_kph": "speed_mps (divide by 3.6)",
     "speed_knots": "speed_mps (multiply by 0.514444)",
+    "speed": "speed_mps (metres per second; its unit is not said)",
+    "velocity": "speed_mps (metres per second; its unit is not said)",
+}
+OTHERS: Final = {
+    **SPEEDS,
     "t_ms": "t_unix_s (divide by 1000)",
     "lat": "lat_deg",
     "lon": "lon_deg",
@@ -35,15 +41,18 @@ class RunsLogError(ValueError):
     """A log that cannot be used: path and why."""
 
 
-def read_runs(path: Path) -> Iterator[RunLog]:
-    """Runs of a file or of a folder of files, one after the other. Raises RunsLogError, OSError."""
+def read_runs(path: Path, rejected: list[tuple[Path, str]] | None = None) -> Iterator[RunLog]:
+    """Runs of a file or of a folder of files, one after the other. Raises RunsLogError, OSError.
+
+    With a list for them, files of a folder that cannot be read are put there with the reason, and left out.
+    """
     if path.is_dir():
         files = sorted(one for one in path.iterdir() if one.suffix.lower() in ENDINGS)
         if not files:
             msg = f"{path}: no file here ends in {', '.join(ENDINGS)}"
             raise RunsLogError(msg)
         for one in files:
-            yield from read_runs(one)
+            yield from read_runs(one) if rejected is None else _readable(one, rejected)
         return
     try:
         match path.suffix.lower():
@@ -59,6 +68,19 @@ def read_runs(path: Path) -> Iterator[RunLog]:
     except (duckdb.Error, UnicodeDecodeError) as error:
         msg = f"{path}: {str(error).splitlines()[0]}"
         raise RunsLogError(msg) from error
+
+
+def _readable(path: Path, rejected: list[tuple[Path, str]]) -> Iterator[RunLog]:
+    """Runs of a file as far as it can be read; else the reason goes with the rejected ones. Raises OSError."""
+    runs = 0
+    try:
+        for run in read_runs(path):
+            runs += 1
+            yield run
+        if runs == 0:
+            rejected.append((path, "no run in it"))
+    except ValueError as error:
+        rejected.append((path, str(error).removeprefix(str(path)).lstrip(": ")))
 
 
 def _read_table(path: Path) -> Iterator[RunLog]:
@@ -110,6 +132,9 @@ def _runs_of(
 
 def _require(path: Path, names: dict[str, str]) -> None:
     missing = [name for name in WANTED if name not in names]
+    # A speed in a column of another name would be left out without a word.
+    if "speed_mps" not in names and any(name in SPEEDS for name in names):
+        missing.append("speed_mps")
     if not missing:
         return
     hints = [f"{name} looks like {OTHERS[name]}" for name in names if name in OTHERS]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.line import SpeedLimit
+from schemas.line import Line, SpeedLimit, Station
 from services.line.alignment import alignment_of
 from services.run_history.fixes import run_log
 from services.run_history.least_time import least_time_s
@@ -24,6 +24,7 @@ from tests.unit.run_history.made_runs import (
     WAY,
     ZERO_S,
     joined,
+    leg_speed,
     leg_time_s,
     made_run,
     part,
@@ -119,6 +120,36 @@ def test_a_turn_back_at_the_terminus_is_two_directions() -> None:
     assert names(result) == [("A", "B"), ("B", "C"), ("C", "B"), ("B", "A")]
     assert [leg.direction for leg in result.legs] == ["up", "up", "down", "down"]
     assert all(leg.excluded_because == "" for leg in result.legs)
+
+
+def test_where_the_line_runs_back_beside_itself_each_station_is_met_on_its_own_passage() -> None:
+    # North for 5 km, a loop of 80 m, and south again 80 m beside: fixes of 2 m never say which passage alone.
+    there = [(135.0, 35.0 + k * 0.001) for k in range(46)]
+    back = [(135.0 + 80.0 / 91_100.0, lat) for _, lat in reversed(there)]
+    loop = Line(id="l", name="L", axis=tuple((lon, lat, 0.0) for lon, lat in there + back))
+    way = alignment_of(loop)
+    middle_m = way.length_m / 2.0
+    calls = (1000.0, middle_m - 500.0, middle_m + 3500.0)
+    stations = tuple(Station(id=f"s{k}", name=f"S{k}", axis_m=at) for k, at in enumerate(calls))
+    t = np.arange(0.0, 700.0, 1.0)
+    second_s = 2.0 * STAND_S + leg_time_s(calls[1] - calls[0])
+    speed = leg_speed(calls[1] - calls[0], t - STAND_S) + leg_speed(calls[2] - calls[1], t - second_s)
+    place = calls[0] + np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
+    rng = np.random.default_rng(11)
+    lat, lon, _ = way.position(place)
+    log = run_log("loop", ZERO_S + t, lat + rng.normal(0.0, 2e-5, len(t)), lon + rng.normal(0.0, 2e-5, len(t)), speed)
+    result = analyse_run(log, [way], stations, TRAIN)
+    assert names(result) == [("S0", "S1"), ("S1", "S2")]
+    assert all(leg.direction == "up" and leg.excluded_because == "" for leg in result.legs)
+    assert result.legs[1].running_time_s == pytest.approx(leg_time_s(calls[2] - calls[1]), abs=2 * TIME_S)
+
+
+def test_the_wrong_line_beside_the_right_one_gives_no_leg_that_counts() -> None:
+    # A railway that leaves ours after its second kilometre: the rest of the fixes lie nowhere on the line.
+    log = made_run()
+    beyond = np.clip(log.lat_deg - 35.02, 0.0, None)
+    result = result_of(replace(log, lon_deg=log.lon_deg + beyond))
+    assert all(leg.excluded_because for leg in result.legs)
 
 
 def test_midnight_is_no_event() -> None:
