@@ -2,8 +2,8 @@
 
 A pass that is judged first and learned afterwards is held out by itself (Dawid 1984, the prequential approach). Nobody
 says of live passes whether all was normal on them, so an event counts while chance may have made it: over its first
-CHANCE_PASSES passes. What is reported longer is there. The share is thus at most that of false alarms; real faults
-are in it with their first passes.
+CHANCE_PASSES passes; what is reported longer is taken to be there. Real faults are in the share with their first
+passes, so it is rather too high than too low.
 """
 
 from __future__ import annotations

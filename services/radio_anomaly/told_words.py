@@ -31,8 +31,8 @@ def model_words(model: RadioModel) -> Iterator[str]:
         yield "too few passes for a held-out false-alarm rate"
     if model.alarms.rate is not None:
         yield (
-            f"judged before they were learned, {model.alarms.passes} passes: at most {model.alarms.rate:.2%} of normal "
-            "pass-sections reported"
+            f"judged before they were learned, {model.alarms.passes} passes: {model.alarms.rate:.2%} of pass-sections "
+            "reported, the first passes of real faults among them"
         )
     if evidence is not None and evidence.suspicious:
         more = f" and {len(evidence.suspicious) - NAMED_PASSES} more" if len(evidence.suspicious) > NAMED_PASSES else ""
@@ -57,7 +57,10 @@ def analysis_words(found: Analysis, model: RadioModel) -> Iterator[str]:
     rate = "" if model.evidence is None or model.evidence.rate is None else f"; held out {model.evidence.rate:.2%}"
     yield f"{found.passes} passes, {len({one.event_id for one in events})} events in {len(incidents)} incidents{rate}"
     if found.model.alarms.rate is not None:
-        yield f"judged before they were learned: at most {found.model.alarms.rate:.2%} of normal pass-sections reported"
+        yield (
+            f"judged before they were learned: {found.model.alarms.rate:.2%} of pass-sections reported, "
+            "the first passes of real faults among them"
+        )
     for name, count in sorted(found.learning.items()):
         yield f"learning {name}: too few passes known, nothing raised on {count}"
     yield from incidents[:TABLE_ROWS]
