@@ -21,6 +21,8 @@ from services.runtime.question import NoAnswerError, RefusedError
 
 ANSWER_S = 2.0
 """A sender that lives answers within this; one that does not has lost what it kept, or is stuck."""
+AGAIN_S = (0.2, 0.5)
+"""Pauses before a sender without answer is asked again: it may just be starting, or its router be away."""
 SURVEYS_S = (0.0, 3.0, 30.0)
 """Pauses before everyone is asked: at once, again for whoever was just starting, and from then on."""
 
@@ -47,7 +49,8 @@ class CatchingUp:
                     reading.create_task(self._read(samples, tasks))
             for task in (surveying, *self._asked.values()):
                 task.cancel()
-        self._pass_on(self.continuity.flush())
+        for sender in self.continuity.open():
+            self._pass_on(self.continuity.give_up_all(sender))
 
     async def _read(self, samples: AsyncIterator[Sample], tasks: asyncio.TaskGroup) -> None:
         continuity, take = self.continuity, self.take
@@ -70,29 +73,37 @@ class CatchingUp:
                 await self.room()
                 question = RetainedQuestion(t_ns=self.node.clock.now_ns(), boot_id=sender[1], wanted=wanted)
                 answer = await self._ask(sender[0], question)
+                for pause_s in AGAIN_S:
+                    if answer is None:
+                        await asyncio.sleep(pause_s)
+                        answer = await self._ask(sender[0], question)
                 self._take_in(sender, question, answer)
         finally:
             del self._asked[sender]
 
     def _take_in(self, sender: Sender, question: RetainedQuestion, answer: RetainedAnswer | None) -> None:
-        for key, (first, last) in question.wanted.items():
-            kept = answer.kept.get(key) if answer is not None and answer.boot_id == sender[1] else None
-            oldest = last + 1 if kept is None else min(last + 1, max(first, kept[0]))
-            self._pass_on(self.continuity.give_up(sender, key, oldest - 1))
-        if answer is not None:
-            now_ns = self.node.clock.now_ns()
-            for record in answer.records:
-                sample = Sample(record.key, record.payload, record.attachment, now_ns)
-                self._pass_on(self.continuity.offer(sample))
-            self.node.health.count("fetched", len(answer.records))
-            if not answer.more or not answer.records:
-                for key, (_, last) in question.wanted.items():
-                    self._pass_on(self.continuity.give_up(sender, key, last))
+        if answer is None or answer.boot_id != sender[1]:
+            self._pass_on(self.continuity.give_up_all(sender))
+        else:
+            self._take_records(sender, question, answer)
         if (missed := self.continuity.missed - self._told) > 0:
             self._told += missed
             reason = f"{missed} publications of {sender[0]} were missed, and it keeps them no more"
             self.node.health.count("missed", missed)
             self.node.health.trouble("missed", reason, self.node.clock.monotonic_s())
+
+    def _take_records(self, sender: Sender, question: RetainedQuestion, answer: RetainedAnswer) -> None:
+        for key, (first, last) in question.wanted.items():
+            kept = answer.kept.get(key)
+            oldest = last + 1 if kept is None else min(last + 1, max(first, kept[0]))
+            self._pass_on(self.continuity.give_up(sender, key, oldest - 1))
+        now_ns = self.node.clock.now_ns()
+        for record in answer.records:
+            self._pass_on(self.continuity.offer(Sample(record.key, record.payload, record.attachment, now_ns)))
+        self.node.health.count("fetched", len(answer.records))
+        if not answer.more or not answer.records:
+            for key, (_, last) in question.wanted.items():
+                self._pass_on(self.continuity.give_up(sender, key, last))
 
     def _pass_on(self, samples: Sequence[Sample]) -> None:
         for sample in samples:

@@ -139,10 +139,10 @@ class Continuity:
         stream.next = through + 1
         return self._go_on(stream, key, sender, found + stream.run())
 
-    def flush(self) -> list[Sample]:
-        """Give everything up that is missing; what may go on now."""
-        waiting = [(sender, key) for sender, keys in self._open.items() for key in keys]
-        return [one for sender, key in waiting for one in self.give_up(sender, key, self._streams[key, *sender].upto)]
+    def give_up_all(self, sender: Sender) -> list[Sample]:
+        """Wait for nothing more of a sender; what may go on now."""
+        waiting = [(key, self._streams[key, *sender].upto) for key in self._open.get(sender, ())]
+        return [one for key, through in waiting for one in self.give_up(sender, key, through)]
 
     def _stream(self, key: str, source: str, boot_id: str) -> _Stream:
         name = (key, source, boot_id)

@@ -35,7 +35,7 @@ KEYS = {"event": SERVICE_EVENT.at(TRAIN, service="speaker"), "weather": WEATHER.
 FEW, AWAY = 10, 3000
 SPOOL, JOURNAL = "bridge/lte_bridge/spool.sqlite", "bridge/lte_bridge/journal.sqlite"
 CLOUD = Place("demo", "cloud", "C1")
-KILLS = int(os.environ.get("KIROTEI_BRIDGE_KILLS", "16"))
+KILLS = int(os.environ.get("KIROTEI_BRIDGE_KILLS", "10"))
 """In the suite a few; set the variable for a long run."""
 SEED = int(os.environ.get("KIROTEI_BRIDGE_SEED", "1"))
 ENOUGH_S = 90.0

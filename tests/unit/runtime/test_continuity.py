@@ -94,11 +94,11 @@ def test_what_takes_too_much_room_is_fetched_again(monkeypatch: pytest.MonkeyPat
     assert not follows.waiting
 
 
-def test_flush_lets_everything_go_on() -> None:
+def test_everything_of_a_sender_can_be_given_up() -> None:
     follows = beginning_at(4)
     follows.offer(sample(6))
     follows.offer(sample(9))
-    assert numbers(follows.flush()) == [6, 9]
+    assert numbers(follows.give_up_all(SENDER)) == [6, 9]
     assert (follows.waiting, follows.missed) == (False, 3)
 
 
@@ -112,6 +112,6 @@ def test_each_goes_on_once_and_in_order_with_what_is_missing_filled_in(came: lis
             for first, last in follows.gaps(SENDER).values():
                 for missing in range(first, last + 1):
                     passed += numbers(follows.offer(sample(missing)))
-    passed += numbers(follows.flush())
+    passed += numbers(follows.give_up_all(SENDER))
     assert passed == sorted(set(passed))
     assert {number for number in came if number > newest} <= set(passed)
