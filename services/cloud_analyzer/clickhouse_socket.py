@@ -45,16 +45,23 @@ class Node:
     """One connection a thread: questions are answered while batches are taken."""
     _all: list[http.client.HTTPConnection] = field(default_factory=list)
 
-    def execute(self, sql: str, body: bytes = b"", settings: Mapping[str, str | int] | None = None) -> bytes:
+    def execute(
+        self,
+        sql: str,
+        body: bytes = b"",
+        settings: Mapping[str, str | int] | None = None,
+        patience_s: float = 0.0,
+    ) -> bytes:
         """Answer to a statement; rows to insert go into `body`. Raises ClickHouseError, UnreachableError.
 
-        Repeated once when a kept connection has been closed meanwhile: statements of the store may be repeated.
+        `patience_s`: for statements that may take longer than a node is else waited for. Repeated once when a kept
+        connection has been closed meanwhile: statements of the store may be repeated.
         """
         path = "/?" + urllib.parse.urlencode({"query": sql, **(settings or {})})
         for last in (False, True):
             kept = self._connection() is not None
             try:
-                return self._attempt(path, body)
+                return self._attempt(path, body, max(self.timeout_s, patience_s))
             except (OSError, http.client.HTTPException) as error:
                 self._let_go()
                 if last or not kept:
@@ -62,8 +69,11 @@ class Node:
                     raise UnreachableError(msg) from error
         raise AssertionError  # the loop always ends by itself
 
-    def _attempt(self, path: str, body: bytes) -> bytes:
+    def _attempt(self, path: str, body: bytes, patience_s: float) -> bytes:
         connection = self._connection() or self._connect()
+        if connection.sock is None:
+            connection.connect()
+        connection.sock.settimeout(patience_s)
         token = base64.b64encode(f"{self.user}:{self.password}".encode()).decode()
         connection.request("POST", path, body=body, headers={"Authorization": f"Basic {token}"})
         response = connection.getresponse()
@@ -90,10 +100,12 @@ class Node:
         self._all.append(connection)
         return connection
 
-    def rows(self, sql: str, settings: Mapping[str, str | int] | None = None) -> list[list[Any]]:
+    def rows(
+        self, sql: str, settings: Mapping[str, str | int] | None = None, patience_s: float = 0.0
+    ) -> list[list[Any]]:
         """Rows of a question. Raises as `execute`."""
         quoted = {"output_format_json_quote_64bit_integers": 0, **(settings or {})}
-        answer = self.execute(f"{sql} FORMAT JSONCompact", settings=quoted)
+        answer = self.execute(f"{sql} FORMAT JSONCompact", settings=quoted, patience_s=patience_s)
         try:
             return msgspec.json.decode(answer, type=_Rows).data
         except msgspec.MsgspecError as error:

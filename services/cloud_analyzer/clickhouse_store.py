@@ -27,6 +27,8 @@ from services.cloud_analyzer.tables import RADIO, TABLES, Kind, Rows, Table, Val
 from services.lte_bridge.deduplication import StateRow
 
 T = TypeVar("T")
+END_S: Final = 5.0
+"""A node ends a question by itself when its time is over; it is waited for so much longer."""
 DIALECT: Final = Dialect("toInt64(intDiv(taken_ns, 86400000000000))", "toInt64(floor({x}))")
 _TYPES: Final[dict[Kind, str]] = {"bigint": "Int64", "double": "Nullable(Float64)", "varchar": "String"}
 
@@ -167,13 +169,14 @@ class ClickHouseStore:
     def _read(self, sql: str, timeout_s: float) -> tuple[list[list[Any]], str]:
         """Rows, and what is missing when shards are away: never fewer rows without a word."""
         settings: dict[str, str | int] = {"max_execution_time": max(1, round(timeout_s)), "skip_unavailable_shards": 0}
+        patience_s = timeout_s + END_S
         try:
-            return self._any(lambda node: node.rows(sql, settings)), ""
+            return self._any(lambda node: node.rows(sql, settings, patience_s)), ""
         except ClickHouseError as error:
             if not self._cluster or error.code not in UNREACHABLE_CODES:
                 raise
             reason = str(error)
-        rows = self._any(lambda node: node.rows(sql, settings | {"skip_unavailable_shards": 1}))
+        rows = self._any(lambda node: node.rows(sql, settings | {"skip_unavailable_shards": 1}, patience_s))
         return rows, f"at least one shard of {self._cluster} did not answer: {reason[:200]}"
 
     def tend(self, now_ns: int) -> str:
