@@ -32,7 +32,7 @@ class Range(msgspec.Struct, frozen=True, kw_only=True):
     learned: int = 0
     """of so many, in this direction."""
     dead_share: float | None = None
-    """Of its places heard or expected, those with no reception at all; None where no reception is measured."""
+    """Of its places heard or expected, those with no reception at all; None without any."""
     louder_share: float = 0.0
     """Of its places with a channel power, those where that is above its mean."""
     elsewhere: int = 0
@@ -95,12 +95,15 @@ class OffShares:
             for place in scores.keys() | silent
             if stretch[1] and not stretch[0] <= place[1] < stretch[0] + stretch[1]
         ]
-        measured = ratios.keys() | silent
+        # Where reception was never good it tells nothing; where none is measured, what was heard at all was received.
+        measured = (ratios or scores).keys() | silent
         return Range(
             passed=len(learned & passed),
             learned=len(learned),
             dead_share=(
-                _share(place in silent or ratios[place] <= NOTHING_RATIO for place in measured) if measured else None
+                _share(place in silent or ratios.get(place, 1.0) <= NOTHING_RATIO for place in measured)
+                if measured
+                else None
             ),
             louder_share=_share(self._louder.get(radio, {}).values()),
             elsewhere=len(elsewhere),

@@ -111,6 +111,13 @@ def test_a_dead_radio_is_a_device_and_one_incident() -> None:
         assert mine[0].incident.startswith("device, ")
 
 
+def test_a_radio_of_which_nothing_comes_any_more_is_a_device() -> None:
+    line = Line()
+    rows = [one for one in line.readings(16) if one.radio == "W2"]
+    told, _ = line.raiser.take(binned(rows, SETTINGS))
+    assert [(one.radio, one.kind, one.cause, one.confirmed) for one in told] == [("W1", "missing", "device", True)]
+
+
 def test_a_dead_radio_is_not_called_an_obstruction_while_the_train_is_still_on_its_way() -> None:
     line = Line()
     rows = line.readings(16, dead_radio="W1")

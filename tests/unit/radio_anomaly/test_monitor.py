@@ -147,6 +147,7 @@ def test_a_silent_stretch_is_missing_not_normal() -> None:
     assert [(one.kind, one.section_start_m, one.section_end_m) for one in found] == [("missing", 1000.0, 1800.0)]
     assert found[0].value_dbm is None
     assert "no sample" in found[0].reason
+    assert found[0].cause == "unknown", "the radio was heard elsewhere, so it is not dead"
 
 
 def test_a_silence_can_be_accepted_and_taken_back() -> None:
