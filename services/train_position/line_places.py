@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date, timedelta
 from typing import Final
 
 import numpy as np
@@ -10,9 +11,14 @@ import numpy as np
 from schemas.line import Balise, Line
 from services.line.alignment import Alignment, alignment_of, routes
 from services.line.projection import candidates, follow
+from services.line.validity import line_validity
 
 FARTHEST_M: Final = 200.0
 """A fix further beside a route does not belong to it."""
+EPOCH: Final = date(1970, 1, 1)
+DAY_NS: Final = 86_400 * 1_000_000_000
+FIRST_DAY_NS: Final = 10_957 * DAY_NS
+"""1 January 2000."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +40,21 @@ class LinePlaces:
         self.leaves_m: dict[str, float] = {branch.id: branch.leaves_axis_m for branch in line.branches}
         self._balises = {balise.id: balise for balise in line.balises}
         self._parallel = line.parallel_tracks
+        self._line = line
+        self._day: tuple[int, str] | None = None
+
+    def unusable(self, t_ns: int) -> str:
+        """Why the line file is not to be used on the day (UTC) of a time; empty when it is.
+
+        Recordings count from their own start: what would be a day of long ago is none.
+        """
+        if t_ns < FIRST_DAY_NS:
+            return ""
+        number = t_ns // DAY_NS
+        if self._day is None or self._day[0] != number:
+            validity = line_validity(self._line, EPOCH + timedelta(days=number))
+            self._day = (number, "" if validity.usable else validity.reason)
+        return self._day[1]
 
     def balise(self, name: str) -> Balise | None:
         """Balise by its id."""

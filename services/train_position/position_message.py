@@ -89,6 +89,9 @@ def status_of(held: Held, places: Interval, late_s: float = 0.0) -> tuple[Positi
     if not held.confirmed:
         reasons.append(held.unconfirmed)
     reasons += _of_odometry(held, late_s)
+    unusable = "" if held.line is None or held.reach.now is None else held.line.unusable(held.reach.now.t_ns)
+    if unusable:
+        reasons.append(unusable)
     if held.facing == 0:
         reasons.append("the direction of the train on the line is not known yet")
     if held.branches.disputed:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,12 +15,14 @@ from services.train_position.claims import Claim, Interval
 from services.train_position.estimate import Estimate
 from services.train_position.evaluation import Passes, Positions, Truth, judge, margin_maxima
 from services.train_position.instants import Instant, Scale
+from services.train_position.keeper import PositionKeeper
+from services.train_position.line_places import LinePlaces
 from services.train_position.makeup import Makeup, Shift, changed
 from services.train_position.margin_plot import draw_margin, save_figure
 from services.train_position.settings import AntennaPlace, Config
 from services.train_position.table_file import TableError, read_table
 from services.train_position.wheel_scale import WheelScale
-from tests.unit.train_position.made_up import Run, fix_of, run_with
+from tests.unit.train_position.made_up import START_NS, Run, fix_of, run_with, straight_line
 
 
 def instant(distance_m: float, **changes: float) -> Instant:
@@ -240,6 +243,21 @@ def test_undecided_at_a_junction_is_degraded_and_occupies_both() -> None:
     assert run.position.branch == "north"
     assert run.status() == "valid"
     assert [one.text for one in run.heard if isinstance(one, PositionEvent) and one.kind == "branch"] == ["on north"]
+
+
+def test_a_line_file_out_of_its_days_is_told() -> None:
+    # The made-up runs begin at 22:13 UTC on 14 November 2023.
+    places = LinePlaces(msgspec.structs.replace(straight_line(), valid_from="2023-11-15"))
+    for start_ns, status in ((START_NS, "degraded"), (START_NS + 7_200_000_000_000, "valid")):
+        run = run_with(Config(facing="up", forward="vehicle"))
+        run.keeper, run.t_ns = PositionKeeper(run.keeper.held.config, places), start_ns
+        run.go(1.0)
+        run.hear(run.front_end(0.0, 5.0))
+        run.go(0.1)
+        assert run.status() == status
+        assert ("is valid from 2023-11-15 on" in run.position.reason) == (status == "degraded")
+    # Files count from their own start.
+    assert not places.unusable(60_000_000_000)
 
 
 def test_a_route_set_before_decides() -> None:
