@@ -82,8 +82,10 @@ class Config(Settings, frozen=True, kw_only=True):
     """A measurement stamped so long before the bridge heard it is filed under the time at which it was heard."""
     ask_timeout_s: Annotated[float, Meta(gt=0.0, le=600.0)] = 20.0
     """A question that takes longer is refused."""
-    learn_at_hour_utc: Annotated[int, Meta(ge=0, le=23)] | None = 2
-    """When whole days are analysed by the newest radio model and learned; None: only when asked to."""
+    learn_daily: bool = True
+    """Analyse whole days by the newest radio model, and learn them; otherwise only when asked to."""
+    learn_at_hour_utc: Annotated[int, Meta(ge=0, le=23)] = 2
+    """When."""
     learn_after_days: Annotated[int, Meta(ge=0, le=60)] = 1
     """A day is learned so long after its end: bridges that were cut off still bring its measurements."""
     learn_days: Annotated[int, Meta(ge=1, le=3650)] = 60
@@ -240,7 +242,7 @@ async def _learn_daily(work: _Work) -> None:
     """At its hour, or after a start that comes later: days that are over, by the newest model, and learned."""
     node, config = work.node, work.config
     learned_day = -1
-    while config.learn_at_hour_utc is not None:
+    while config.learn_daily:
         now_ns = node.clock.now_ns()
         day = (now_ns - config.learn_at_hour_utc * HOUR_NS) // DAY_NS
         if day > learned_day:

@@ -144,7 +144,7 @@ def test_a_store_that_refuses_acknowledges_nothing_and_takes_the_batch_when_it_c
         assert (reply.through, reply.repeated) == (399, 0)
         assert [row["sequence"] for row in await asked(asker, "radio")] == list(range(400))
 
-    with_analyzer(tmp_path, test, learn_at_hour_utc=None)
+    with_analyzer(tmp_path, test, learn_daily=False)
 
 
 def test_what_a_newer_train_says_is_kept_aside_and_what_it_adds_is_no_fault(tmp_path: Path) -> None:
@@ -243,7 +243,7 @@ def test_the_history_is_learned_and_analysed_when_asked(tmp_path: Path) -> None:
             await done(task="analyse", model="nonsense")
         assert node.health.counts["tasks_refused"] == 2
 
-    with_analyzer(tmp_path, test, END_NS + DAY_NS, learn_at_hour_utc=None)
+    with_analyzer(tmp_path, test, END_NS + DAY_NS, learn_daily=False)
 
 
 def test_whole_days_are_learned_at_their_hour_and_after_a_start_that_comes_later(tmp_path: Path) -> None:
