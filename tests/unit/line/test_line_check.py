@@ -138,7 +138,7 @@ FAULTS: dict[str, tuple[Callable[[], Line], str, str]] = {
         "towards rising axis_m",
     ),
     "a day that no calendar has": (lambda: replace(DEMO, valid_from="2026-02-30"), "$.valid_from", "YYYY-MM-DD"),
-    "days exchanged": (lambda: replace(DEMO, valid_until="2025-12-31"), "$.valid_until", "exchange"),
+    "days exchanged": (lambda: replace(DEMO, valid_until="2019-12-31"), "$.valid_until", "exchange"),
 }
 
 
