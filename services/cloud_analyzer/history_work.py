@@ -81,7 +81,7 @@ class HistoryWork:
         version, through_ns = str(newest["version"]), int(newest["through_ns"] or 0)
         if through_ns >= until_ns:
             return HistoryTaskDone(t_ns=now_ns, model=version), NOTHING
-        before = self._model(newest)
+        before = self._content(newest)
         passes = self._whole(through_ns, until_ns, before.settings)
         if not passes.journeys:
             return _done(version, passes), NOTHING
@@ -101,11 +101,8 @@ class HistoryWork:
 
         Passes that the model has learned are judged and not learned again; later ones are, day by day, in memory alone.
         """
-        about = self._about_model(version)
-        if about is None:
-            msg = f"there is no model {version}" if version else "there is no model: learn one first"
-            raise ValueError(msg)
-        model = self._model(about)
+        about = self._known(version)
+        model = self._content(about)
         passes = passes_between(self.store, from_ns, until_ns, model.settings, self.stopped)
         # What it remembers of the last passes it saw is not what was before these.
         bare = msgspec.structs.replace(model, windows=(), trends=(), events=(), silent=(), pending=())
@@ -171,7 +168,14 @@ class HistoryWork:
                 newest = dict(zip(MODELS.names, answer.rows[-1], strict=True))
         return newest
 
-    def _model(self, about: dict[str, Value]) -> RadioModel:
+    def _known(self, version: str) -> dict[str, Value]:
+        about = self._about_model(version)
+        if about is None:
+            msg = f"there is no model {version}" if version else "there is no model: learn one first"
+            raise ValueError(msg)
+        return about
+
+    def _content(self, about: dict[str, Value]) -> RadioModel:
         version = str(about["version"])
         question = StoreQuestion(t_ns=0, about="model_parts", model=version)
         rows = [row for answer in pages(self.store, question, self.stopped) for row in answer.rows]

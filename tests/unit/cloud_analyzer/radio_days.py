@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from schemas.bridge import BridgedRecord
-from schemas.codec import encode
-from schemas.radio import RadioMeasurement
+from schemas.bridge import BridgedRecord, StoreQuestion
+from schemas.codec import decode_json, encode
+from schemas.radio import RadioEvent, RadioMeasurement
 from schemas.topics import RADIO_MEASUREMENT
 from services.cloud_analyzer.history import Store
 from services.cloud_analyzer.ingest import Ingest
+from services.cloud_analyzer.model_rows import content_of
+from services.radio_anomaly.radio_model import RadioModel
+from services.radio_anomaly.radio_model_file import decoded_model
 from services.radio_anomaly.reading import Reading
 from tests.unit.cloud_analyzer.batches import TRAIN, batch, record
 from tests.unit.radio_anomaly.made_up import BEGIN_NS, DAY_NS, one_pass
@@ -33,6 +36,25 @@ def bring(store: Store, readings: Sequence[Reading] = READINGS, line: str = "dem
     brought = batch(records, bridge=f"{line}/train/T1/lte_bridge", sent_ns=END_NS + DAY_NS)
     taken = ingest.take(brought, END_NS + DAY_NS)
     store.published(store.commit(taken.commit))
+
+
+def rows(store: Store, about: str, model: str = "") -> list[dict[str, object]]:
+    """What a store tells."""
+    answer = store.ask(StoreQuestion(t_ns=0, about=about, model=model, limit=50_000), 10.0)  # type: ignore[arg-type]  # one of them
+    return [dict(zip(answer.columns, row, strict=True)) for row in answer.rows]
+
+
+def kept_model(store: Store, version: str) -> RadioModel:
+    """A model out of its parts."""
+    (about,) = rows(store, "models", version)
+    parts = [str(row["content"]) for row in rows(store, "model_parts", version)]
+    assert len(parts) == about["parts"]
+    return decoded_model(content_of(parts, str(about["sha256"])), version)
+
+
+def kept_events(store: Store, model: str = "") -> list[RadioEvent]:
+    """What models found."""
+    return [decode_json(RadioEvent, str(row["message"])) for row in rows(store, "reanalysed", model)]
 
 
 def _record(number: int, reading: Reading, line: str) -> BridgedRecord:

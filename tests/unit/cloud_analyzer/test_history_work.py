@@ -10,9 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from schemas.bridge import HistoryTask, HistoryTaskDone, StoreQuestion
-from schemas.codec import decode_json
-from schemas.radio import RadioEvent
+from schemas.bridge import HistoryTask, HistoryTaskDone
 from services.cloud_analyzer.duckdb_store import DuckDbStore
 from services.cloud_analyzer.history import StoreError
 from services.cloud_analyzer.history_passes import passes_between
@@ -22,10 +20,18 @@ from services.cloud_analyzer.model_rows import IncompleteModelError, content_of
 from services.cloud_analyzer.result_tables import MODELS, REANALYSED
 from services.radio_anomaly.file_analysis import analyse, learn
 from services.radio_anomaly.radio_model import Origin, RadioModel
-from services.radio_anomaly.radio_model_file import decoded_model
 from services.radio_anomaly.settings import Settings
 from tests.unit.cloud_analyzer.batches import batch, measurement
-from tests.unit.cloud_analyzer.radio_days import END_NS, FAULT_NS, FIRST_DAY_NS, READINGS, bring
+from tests.unit.cloud_analyzer.radio_days import (
+    END_NS,
+    FAULT_NS,
+    FIRST_DAY_NS,
+    READINGS,
+    bring,
+    kept_events,
+    kept_model,
+    rows,
+)
 from tests.unit.radio_anomaly.made_up import DAY_NS
 
 NOW_NS = END_NS + DAY_NS
@@ -43,22 +49,6 @@ def done(store: DuckDbStore, task: str, until_ns: int = END_NS, from_ns: int = 0
     found, findings = HistoryWork(store, "demo").do(asked, NOW_NS)
     store.keep(findings)
     return found
-
-
-def rows(store: DuckDbStore, about: str, model: str = "") -> list[dict[str, object]]:
-    answer = store.ask(StoreQuestion(t_ns=0, about=about, model=model, limit=1000), 10.0)  # type: ignore[arg-type]  # one of them
-    return [dict(zip(answer.columns, row, strict=True)) for row in answer.rows]
-
-
-def kept_model(store: DuckDbStore, version: str) -> RadioModel:
-    (about,) = rows(store, "models", version)
-    parts = [str(row["content"]) for row in rows(store, "model_parts", version)]
-    assert len(parts) == about["parts"]
-    return decoded_model(content_of(parts, str(about["sha256"])), version)
-
-
-def events(store: DuckDbStore, model: str = "") -> list[RadioEvent]:
-    return [decode_json(RadioEvent, str(row["message"])) for row in rows(store, "reanalysed", model)]
 
 
 def without_origin(model: RadioModel) -> RadioModel:
@@ -89,13 +79,13 @@ def test_an_analysis_finds_what_the_file_shows_marks_it_and_repeats_itself(tmp_p
         model = done(store, "learn", FAULT_NS).model
         first = done(store, "analyse", from_ns=FAULT_NS)
         assert first.model == model
-        assert events(store) == expected
+        assert kept_events(store) == expected
         assert {event.kind for event in expected if event.confirmed} == {"below"}
         marked = rows(store, "reanalysed", model)
         assert tuple(marked[0]) == REANALYSED.names
         assert {(row["model"], row["analysis"]) for row in marked} == {(model, first.analysis)}
         assert done(store, "analyse", from_ns=FAULT_NS, model=model).analysis == first.analysis
-        assert events(store) == expected
+        assert kept_events(store) == expected
         assert rows(store, "reanalysed", "another") == []
 
 
@@ -123,13 +113,13 @@ def test_daily_updates_see_every_pass_once_and_find_what_one_analysis_finds(tmp_
         assert [(row["version"], row["based_on"]) for row in rows(store, "models")] == sorted(
             zip(versions, ["", *versions], strict=False)
         )
-        daily, model = events(store), kept_model(store, versions[-1])
+        daily, model = kept_events(store), kept_model(store, versions[-1])
     assert model.origin.passes == 16
     with history(tmp_path / "once") as store:
         done(store, "update", FIRST_DAY_NS + 5 * DAY_NS, from_ns=FIRST_DAY_NS)
         at_once = done(store, "update")
         assert at_once.passes == 6
-        assert events(store) == daily
+        assert kept_events(store) == daily
         assert kept_model(store, at_once.model) == model
     assert {event.kind for event in daily if event.confirmed} == {"below"}
     # What the fault shows is not learned.
