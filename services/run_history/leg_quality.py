@@ -23,6 +23,8 @@ STANDING_S: Final = 30.0
 OFF_SHARE: Final = 0.2
 APART_MPS: Final = 1.0
 """Between a measured speed and the smoothed one, which places have a say in …"""
+DERIVED: Final = 0.8
+"""What speeds from places alone count beside the other faults: they tell a start to some seconds."""
 MOST_APART: Final = 0.3
 """… in more than this share of the fixes: places and speeds tell of two different runs."""
 HELD_MPS: Final = 15.0 / 3.6
@@ -79,6 +81,7 @@ def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
         abs(sudden_m) / MOST_SUDDEN_M,
         off / OFF_SHARE,
         apart / MOST_APART,
+        0.0 if np.isfinite(leg.measured_mps).any() else DERIVED,
     )
     return round(1.0 - 0.5 * min(worst, 1.0), 2), ""
 

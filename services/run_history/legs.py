@@ -95,24 +95,32 @@ def assumed_ends(leg: Leg, t_s: Floats, speed_mps: Floats, acceleration_mps2: fl
     return Ends(departure_s, rising_s, falling_s, arrival_s)
 
 
-def start_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats) -> Onset | None:
-    """The start of a leg from measured speeds without sign and places that rise; its `first` counts all fixes."""
+def start_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats, *, derived: bool = False) -> Onset | None:
+    """The start of a leg from speeds without sign and places that rise; its `first` counts all fixes.
+
+    `derived`: the speeds come from smoothed places. Smoothing has rounded the corner to standstill already, and the
+    fixed time of the ramp is in it.
+    """
     begin = max(leg.start.first, int(np.searchsorted(t_s, t_s[leg.start.last] - ASIDE_S)))
     past = min(leg.last + 1, int(np.searchsorted(t_s, t_s[leg.first] + ASIDE_S)))
-    near = slice(begin, past)
-    onset = _onset(t_s[near], speed_mps[near], place_m[near], leg.start.last + 1 - begin, START, START_SIGMA_S)
+    near, stop_fixes = slice(begin, past), leg.start.last + 1 - begin
+    onset = _onset(t_s[near], speed_mps[near], place_m[near], stop_fixes, _ramp(START, derived), START_SIGMA_S)
     return None if onset is None else replace(onset, first=begin + onset.first)
 
 
-def halt_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats) -> Onset | None:
+def halt_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats, *, derived: bool = False) -> Onset | None:
     """The arrival of a leg: a start with its time reversed, turned back; slope positive."""
     begin = max(leg.first, int(np.searchsorted(t_s, t_s[leg.last] - ASIDE_S)))
     past = min(leg.end.last + 1, int(np.searchsorted(t_s, t_s[leg.end.first] + ASIDE_S)))
     back = (-t_s[begin:past][::-1], speed_mps[begin:past][::-1], -place_m[begin:past][::-1])
-    onset = _onset(*back, past - leg.end.first, HALT, HALT_SIGMA_S)
+    onset = _onset(*back, past - leg.end.first, _ramp(HALT, derived), HALT_SIGMA_S)
     if onset is None:
         return None
     return Onset(-onset.still_s, -onset.stop_speed_s, past - 1 - onset.first, onset.slope_mps2)
+
+
+def _ramp(ramp: Ramp, derived: bool) -> Ramp:  # noqa: FBT001 - handed on
+    return replace(ramp, fixed_s=0.0) if derived else ramp
 
 
 def _onset(

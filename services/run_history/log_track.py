@@ -13,7 +13,7 @@ from services.line.alignment import Alignment
 from services.line.route_projection import RunProjection, project_run
 from services.run_history.fixes import RunLog
 from services.run_history.place_offset import along_m, common_offset
-from services.run_history.speed_credibility import credible_speeds
+from services.run_history.speed_credibility import ZERO_MPS, credible_speeds
 from services.run_history.speed_lag import speed_lag_s
 
 Floats = NDArray[np.float64]
@@ -27,6 +27,8 @@ LEAST_ON_LINE: Final = 0.3
 """Of a run's fixes; fewer, and it is a run on another line."""
 FACTOR_KMH: Final = 3.6
 TOLD_LAG_S: Final = 1.0
+MOST_FROZEN: Final = 0.5
+"""Of the speeds above zero; with more of them the others say nothing either."""
 SPEED_TOLERANCE: Final = 1.3
 """Above the vehicle's maximum speed by this factor no speed is believed."""
 
@@ -74,13 +76,16 @@ def log_track(log: RunLog, ways: Sequence[Alignment], fastest_mps: float) -> Log
         raise UnusableLogError(msg)
     kmh = _looks_like_kmh(t, placed.axis_m, log.speed_mps)
     speeds = np.ascontiguousarray(log.speed_mps / FACTOR_KMH if kmh else log.speed_mps)
-    measured = credible_speeds(t, speeds, SPEED_TOLERANCE * fastest_mps, placed.axis_m).speed_mps
+    credible = credible_speeds(t, speeds, SPEED_TOLERANCE * fastest_mps, placed.axis_m)
+    frozen = credible.frozen > MOST_FROZEN * int(np.sum(speeds > ZERO_MPS))
+    measured = np.full(len(t), np.nan) if frozen else credible.speed_mps
     place = _without_offset(t, placed, ways)
     lag_s = speed_lag_s(t, place, measured)
     known = np.isfinite(measured)
     if lag_s != 0.0:
         place = place - lag_s * _signed(t, place, np.interp(t, t[known], measured[known]))
-    return LogTrack(zero_s, t - lag_s, place, measured, _signed(t, place, measured), _notes(log, kmh=kmh, lag_s=lag_s))
+    notes = _notes(log, kmh=kmh, frozen=frozen, lag_s=lag_s)
+    return LogTrack(zero_s, t - lag_s, place, measured, _signed(t, place, measured), notes)
 
 
 def _without_offset(t_s: Floats, placed: RunProjection, ways: Sequence[Alignment]) -> Floats:
@@ -91,13 +96,15 @@ def _without_offset(t_s: Floats, placed: RunProjection, ways: Sequence[Alignment
     return placed.axis_m - along_m(common_offset(t_s, placed.axis_m, placed.aside_m, heading), heading)
 
 
-def _notes(log: RunLog, *, kmh: bool, lag_s: float) -> tuple[str, ...]:
+def _notes(log: RunLog, *, kmh: bool, frozen: bool, lag_s: float) -> tuple[str, ...]:
     notes = ["its speeds are km/h: divided by 3.6"] if kmh else []
     rows = len(log.t_unix_s) + log.left_out
     if log.left_out > MANY_LEFT_OUT * rows:
         notes.append(f"{log.left_out} of {rows} rows left out: no place, no time, or a time that was there already")
     if not np.isfinite(log.speed_mps).any():
         notes.append("no speeds in the log: derived from places")
+    if frozen:
+        notes.append("its speeds repeat one value for most of the way: derived from places")
     if abs(lag_s) > TOLD_LAG_S:
         notes.append(f"its speeds come {lag_s:.1f} s after its places: brought together")
     return tuple(notes)

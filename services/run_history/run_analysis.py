@@ -121,8 +121,10 @@ def _leg_run(run: _Run, leg: Leg, way: Alignment, vehicle: Vehicle) -> LegRun:
     ends = assumed_ends(leg, track.t_s, speed, vehicle.acceleration_mps2, vehicle.deceleration_mps2)
     sudden_m = 0.0
     if run.average_mps is None:
-        told_mps = measured_mps if np.isfinite(measured_mps[part]).mean() > ENOUGH_SPEEDS else speed
-        start, halt = start_of(leg, track.t_s, told_mps, onward_m), halt_of(leg, track.t_s, told_mps, onward_m)
+        derived = bool(np.isfinite(measured_mps[part]).mean() <= ENOUGH_SPEEDS)
+        told_mps = speed if derived else measured_mps
+        start = start_of(leg, track.t_s, told_mps, onward_m, derived=derived)
+        halt = halt_of(leg, track.t_s, told_mps, onward_m, derived=derived)
         ends = ends_by_slope(ends, start, halt)
         sudden_m = 0.0 if start is None else sudden_move_m(track.t_s, onward_m, measured_mps, start)
     evidence = LegEvidence(t, onward_m[part], measured_mps[part], speed[part])

@@ -22,6 +22,9 @@ FEWEST: Final = 20
 PRIOR_SIGMA_S: Final = 0.5
 """Of a lag before anything is known: a weak log is left as it is."""
 LONGEST_S: Final = 2.0
+"""What comes out longer is no lag of a filter: it is left alone."""
+LEAST_KNOWN: Final = 0.5
+"""Share of fixes with a speed; with fewer of them gaps would be taken for a lag."""
 LEAST_SIGMA_M: Final = 0.5
 PASSES: Final = 8
 
@@ -29,7 +32,7 @@ PASSES: Final = 8
 def speed_lag_s(t_s: Floats, place_m: Floats, speed_mps: Floats) -> float:
     """Seconds by which speeds are late; NaN in `place_m` or `speed_mps` is what is not known. Shapes (n,)."""
     known = np.flatnonzero(np.isfinite(speed_mps))
-    if len(known) < FEWEST:
+    if len(known) < max(FEWEST, LEAST_KNOWN * len(t_s)):
         return 0.0
     t, place, speed = t_s[known], place_m[known], speed_mps[known]
     way = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))))
@@ -51,4 +54,4 @@ def speed_lag_s(t_s: Floats, place_m: Floats, speed_mps: Floats) -> float:
     alike = max(WINDOW_S / float(np.median(np.diff(t))), 1.0)
     variance = sigma_m**2 * alike / square
     share = PRIOR_SIGMA_S**2 / (PRIOR_SIGMA_S**2 + variance)
-    return float(np.clip(lag_s * share, -LONGEST_S, LONGEST_S))
+    return lag_s * share if abs(lag_s) <= LONGEST_S else 0.0

@@ -58,6 +58,8 @@ def test_steady_speeds_and_few_fixes_tell_no_lag() -> None:
     assert speed_lag_s(T, 10.0 * T, np.full(len(T), 10.0)) == 0.0
     assert speed_lag_s(T[:10], WAY_M[:10], WEAVE[:10]) == 0.0
     assert speed_lag_s(T, WAY_M, np.full(len(T), np.nan)) == 0.0
+    assert speed_lag_s(T, WAY_M, np.where(T % 5 < 3, np.nan, np.interp(T - 1.0, T, WEAVE))) == 0.0
+    assert speed_lag_s(T, WAY_M, np.interp(T - 4.0, T, WEAVE)) == 0.0
 
 
 def test_late_speeds_change_times_of_day_by_their_lag_and_are_told() -> None:

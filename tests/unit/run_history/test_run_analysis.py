@@ -86,7 +86,8 @@ def test_a_log_without_speeds_is_derived_from_places_and_says_so() -> None:
     result = result_of(with_speed(log, np.full(len(log.t_unix_s), np.nan)))
     assert "derived from places" in result.note
     # Places of 2 m tell the time of a start less sharply than speeds: some seconds at each end.
-    assert result.legs[0].running_time_s == pytest.approx(leg_time_s(3000.0), abs=8.0)
+    assert result.legs[0].running_time_s == pytest.approx(leg_time_s(3000.0), abs=6.0)
+    assert result.legs[0].quality == pytest.approx(0.6)
 
 
 def test_another_railway_is_said() -> None:
@@ -212,11 +213,16 @@ def test_a_departure_that_the_places_contradict_is_left_out() -> None:
     assert "at the departure" in result.legs[0].excluded_because
 
 
-def test_a_frozen_receiver_is_judged_by_its_places() -> None:
+def test_a_frozen_receiver_is_judged_by_its_places_and_says_so() -> None:
     log = made_run()
-    speed = np.where(log.speed_mps > 5.0, 12.3, log.speed_mps)
-    leg = result_of(with_speed(log, speed)).legs[0]
-    assert float(leg.speed_mps.max()) > FULL_MPS - 2.0 or leg.excluded_because
+    result = result_of(with_speed(log, np.where(log.speed_mps > 1.0, 12.3, log.speed_mps)))
+    assert "repeat one value" in result.note
+    for leg, length_m in zip(result.legs, (3000.0, 4000.0), strict=True):
+        assert leg.excluded_because == ""
+        assert leg.quality == pytest.approx(0.6)
+        assert float(leg.speed_mps.max()) == pytest.approx(FULL_MPS, abs=1.0)
+        # Places of 2 m tell a start to some seconds.
+        assert leg.running_time_s == pytest.approx(leg_time_s(length_m), abs=6.0)
 
 
 def test_a_train_on_cruise_control_is_no_frozen_receiver() -> None:
