@@ -62,13 +62,15 @@ def analyse(
         rows: list[RunRow] = []
         notes: list[str] = []
         count = 0
-        for result in analysed_runs(read_runs(log), Job(whole, train, scheduled, window), processes):
+        rejected: list[tuple[Path, str]] = []
+        for result in analysed_runs(read_runs(log, rejected), Job(whole, train, scheduled, window), processes):
             count += 1
             rows += result.rows
             if result.note:
                 notes.append(f"{result.run_id}: {result.note}")
             if sys.stderr.isatty():
                 sys.stderr.write(f"\r{count} runs, {len(rows)} legs")
+        notes += [f"{path}: this file was left out: {reason}" for path, reason in rejected]
         write_runs(out, normalised(rows))
     if sys.stderr.isatty():
         sys.stderr.write("\r\033[K")

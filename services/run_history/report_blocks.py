@@ -11,7 +11,16 @@ from matplotlib.figure import Figure
 
 from services.run_history.report_lines import advice_lines, difference_lines, row_of_trace, sheet_lines
 from services.run_history.report_reasons import in_language
-from services.run_history.report_tables import Table, left_out_line, margin_table, name_of, reception_table
+from services.run_history.report_tables import (
+    Table,
+    energy_table,
+    left_out_line,
+    legs_table,
+    margin_table,
+    name_of,
+    reception_table,
+    with_sigma,
+)
 from services.run_history.report_words import Language, said
 from services.run_history.run_plot import crew_sheet, distributions, overlay, patterns
 from services.run_history.run_report import RunReport, SectionReport
@@ -28,6 +37,8 @@ class Block:
     heading: str = ""
     level: int = 2
     lines: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
+    """Lines of a second column."""
     table: Table | None = None
     picture: Callable[[], Figure] | None = None
     caption: str = ""
@@ -53,8 +64,13 @@ def blocks_of(report: RunReport, language: Language) -> Iterator[Block]:
     yield Block(lines=tuple(lines))
     yield Block(heading=said("margin_title", language))
     yield Block(table=margin_table(report, language))
+    energies = energy_table(report, language)
+    if energies.rows:
+        yield Block(heading=said("energy_title", language))
+        yield Block(lines=(said("energy_told", language),))
+        yield Block(table=energies)
     for section in report.sections:
-        yield from _section(section, language)
+        yield from _section(section, report, language)
     if report.journeys:
         yield Block(heading=said("diagram", language))
         yield Block(picture=lambda: time_distance(report, language), caption=said("diagram", language))
@@ -72,7 +88,7 @@ def blocks_of(report: RunReport, language: Language) -> Iterator[Block]:
         yield Block(lines=(*told, *((said("more", language, count=more),) if more > 0 else ())))
 
 
-def _section(section: SectionReport, language: Language) -> Iterator[Block]:
+def _section(section: SectionReport, report: RunReport, language: Language) -> Iterator[Block]:
     name = name_of(section)
     yield Block(heading=f"{name} ({said(section.group.direction, language)})")
     if section.group.left_out:
@@ -82,10 +98,9 @@ def _section(section: SectionReport, language: Language) -> Iterator[Block]:
             picture=lambda: overlay(section, language),
             caption=f"{said('overlay', language)}: {name}",
         )
-        yield Block(lines=tuple(difference_lines(section, language)))
         advice = advice_lines(section, language)
-        if advice:
-            yield Block(lines=(f"{said('advice', language)}:", *advice))
+        beside = (f"{said('advice', language)}:", *advice) if advice else ()
+        yield Block(lines=tuple(difference_lines(section, language)), beside=beside)
         if any(one.row is not None for one in section.patterns):
             yield Block(
                 picture=lambda: patterns(section, language),
@@ -96,6 +111,8 @@ def _section(section: SectionReport, language: Language) -> Iterator[Block]:
             picture=lambda: distributions(section, language),
             caption=f"{said('scatter', language)}: {name}",
         )
+        yield Block(heading=f"{said('legs_title', language)}: {name}", level=3)
+        yield Block(table=legs_table(section, report, language))
 
 
 def _sheets(report: RunReport, language: Language) -> Iterator[Block]:
@@ -107,14 +124,21 @@ def _sheets(report: RunReport, language: Language) -> Iterator[Block]:
         yield Block(
             picture=partial(crew_sheet, section, run, language), caption=f"{said('sheet', language)}: {row.run_id}"
         )
-        facts = (
-            ("hour", f"{int(local_hour(row.departure_s, report.selection.zone))}"),
-            ("running_time", f"{row.running_time_s:.0f}" + _of(row.scheduled_s)),
-            ("energy_kwh", f"{row.energy_kwh:.2f} ± {row.energy_sigma_kwh:.2f}"),
-            ("energy", f"{section.group.energies[section.group.rows.index(row)]:.3f}"),
+        facts = said(
+            "sheet_facts",
+            language,
+            hour=int(local_hour(row.departure_s, report.selection.zone)),
+            time=f"{row.running_time_s:.0f}" + _of(row.scheduled_s),
+            traction=with_sigma(row.energy_kwh, row.energy_sigma_kwh),
+            share=f"{section.group.energies[section.group.rows.index(row)]:.3f}",
         )
-        told = " · ".join(f"{said(key, language)} {value}" for key, value in facts)
-        yield Block(lines=(told, *sheet_lines(section, run, language)))
+        apart = said(
+            "sheet_apart",
+            language,
+            regenerated=with_sigma(row.regenerated_kwh, row.regenerated_sigma_kwh),
+            auxiliaries=with_sigma(row.auxiliaries_kwh, row.auxiliaries_sigma_kwh),
+        )
+        yield Block(lines=(facts, apart, *sheet_lines(section, run, language)))
 
 
 def _of(scheduled_s: float | None) -> str:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from services.run_history.trace_store import TraceStore
     from services.run_history.vehicle import Vehicle
 
+LEFT_OUT = "this file was left out"
 Out = Annotated[Path, typer.Option("--out", help="report.html or report.pdf; tables are written beside it.")]
 Lang = Annotated[Literal["en", "ja"], typer.Option("--lang", help="Language of the report.")]
 FromHour = Annotated[float, typer.Option("--from-hour", min=0, max=24, help="Departures from this local hour on.")]
@@ -174,10 +175,15 @@ def _evidence(
     whole = load_line(sources.line).line
     train = _vehicle(sources.vehicle)
     job = LogJob(whole, train, scheduled)
-    found = gather(read_runs(sources.log), job, store, sources.processes)
+    rejected: list[tuple[Path, str]] = []
+    found = gather(read_runs(sources.log, rejected), job, store, sources.processes)
     if sources.reference is not None:
         gather(read_runs(sources.reference), job, monitor, sources.processes)
-    notes = [f"{run if salt is None else pseudonym(run, salt)}: {note}" for run, note in found.notes]
+    told = [(path.stem, f"{LEFT_OUT}: {reason}") for path, reason in rejected] + found.notes
+    for path, _ in rejected:
+        # The page names files by pseudonyms, which are for nobody who is to mend them.
+        typer.echo(f"note: {path}: {LEFT_OUT}", err=True)
+    notes = [f"{run if salt is None else pseudonym(run, salt)}: {note}" for run, note in told]
     if train.assumed():
         notes.append(f"{train.name}: assumed, for no source is stated: {', '.join(train.assumed())}")
     way = alignment_of(whole, routes(whole)[0])

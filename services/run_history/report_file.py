@@ -9,9 +9,8 @@ from __future__ import annotations
 import csv
 import io
 import secrets
-import textwrap
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -21,12 +20,11 @@ import matplotlib as mpl
 from matplotlib import font_manager
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
-from matplotlib.figure import Figure
-from matplotlib.transforms import Bbox
 
 from services.run_history.report_blocks import Block, blocks_of
 from services.run_history.report_html import page
-from services.run_history.report_tables import Table, margin_columns, reception_columns, run_columns
+from services.run_history.report_pages import pages_of
+from services.run_history.report_tables import margin_columns, reception_columns, run_columns
 from services.run_history.report_words import Language
 from services.run_history.run_report import RunReport
 
@@ -34,14 +32,6 @@ CJK_FONTS: Final = ("Noto Sans CJK JP", "IPAexGothic", "IPAGothic", "Yu Gothic",
 CJK_FILES: Final = ("notosanscjk-regular", "notosanscjkjp-regular", "notosansjp", "ipaexg", "ipag", "yugoth")
 """How files of such fonts begin."""
 SALT_BYTES: Final = 32
-PAGE_INCHES: Final = (11.7, 8.3)
-LINE: Final = 0.032
-"""Of a page's height."""
-TOP: Final = 0.93
-BOTTOM: Final = 0.06
-TABLE_ROWS: Final = 18
-LINES_BELOW: Final = 12
-WRAP: Final = {"en": 150, "ja": 80}
 NO_FONT: Final = "no Japanese font is installed (e.g. fonts-noto-cjk): the PDF is in English"
 
 NO_FONT_NAMES: Final = "no Japanese font is installed (e.g. fonts-noto-cjk): names in Japanese are missing in the PDF"
@@ -145,111 +135,10 @@ def _write_pdf(out: Path, report: RunReport, language: Language) -> None:
     drawn = io.BytesIO()
     facts = {"CreationDate": None, "Title": "Kirotei"}
     with _drawing(), PdfPages(drawn, metadata=facts) as pages:
-        for figure in _pages(blocks_of(report, language), WRAP[language]):
+        for figure in pages_of(blocks_of(report, language)):
             FigureCanvasAgg(figure)
             pages.savefig(figure)
     _put(out, drawn.getvalue())
-
-
-class _Sheets:
-    """Text and tables that flow over pages; pictures have pages of their own, with the lines that follow them."""
-
-    def __init__(self, wrap: int) -> None:
-        self._wrap = wrap
-        self._figure, self._y, self._empty = Figure(figsize=PAGE_INCHES), TOP, True
-        self._heading = ""
-
-    def finish(self) -> Iterator[Figure]:
-        """The page begun, if anything stands on it."""
-        if not self._empty:
-            yield self._figure
-            self._figure, self._y, self._empty = Figure(figsize=PAGE_INCHES), TOP, True
-
-    def take(self, block: Block) -> Iterator[Figure]:
-        """Put a block of text or a table; gives the pages that became full."""
-        if block.heading:
-            if block.level == 1:
-                yield from self._text([block.heading], 16)
-            else:
-                self._heading = block.heading
-            return
-        if block.lines or block.table is not None:
-            heading, self._heading = self._heading, ""
-            yield from self._text([heading] if heading else [], 12)
-        yield from self._text([part for line in block.lines for part in textwrap.wrap(line, self._wrap)], 9)
-        if block.table is not None:
-            yield from self._table(block.table)
-
-    def picture(self, block: Block, below: Sequence[str]) -> Iterator[Figure]:
-        """A picture with its heading, and lines below it."""
-        assert block.picture is not None  # noqa: S101 - only asked for pictures
-        yield from self.finish()
-        heading, self._heading = self._heading or block.caption, ""
-        figure = block.picture()
-        figure.set_size_inches(*PAGE_INCHES)
-        lines = [part for line in below for part in textwrap.wrap(line, self._wrap)]
-        height = LINE * (len(lines) + 1) if lines else 0.0
-        figure.set_layout_engine("constrained", rect=(0.03, 0.03 + height, 0.94, 0.90 - height))
-        figure.text(0.05, 0.96, heading, fontsize=12, va="top")
-        for number, line in enumerate(lines):
-            figure.text(0.06, height + 0.02 - LINE * number, line, fontsize=9, va="top")
-        yield figure
-
-    def _text(self, lines: Sequence[str], size: int) -> Iterator[Figure]:
-        for line in lines:
-            if self._y < BOTTOM + (3 * LINE if size > 9 else 0.0):  # noqa: PLR2004 - a heading keeps what follows
-                yield from self.finish()
-            self._figure.text(0.05, self._y, line, fontsize=size, va="top")
-            self._y, self._empty = self._y - LINE * max(size / 9.0, 1.0), False
-
-    def _table(self, table: Table) -> Iterator[Figure]:
-        for first in range(0, max(1, len(table.rows)), TABLE_ROWS):
-            part = Table(table.heads, table.rows[first : first + TABLE_ROWS])
-            height = 1.15 * LINE * (len(part.rows) + 1)
-            if self._y - height < BOTTOM:
-                yield from self.finish()
-            _draw_table(self._figure, part, self._y, height)
-            self._y, self._empty = self._y - height - LINE, False
-
-
-def _pages(blocks: Iterable[Block], wrap: int) -> Iterator[Figure]:
-    """Pages of a report."""
-    sheets = _Sheets(wrap)
-    waiting: Block | None = None
-    for block in blocks:
-        if waiting is not None:
-            taken = bool(block.lines) and len(block.lines) <= LINES_BELOW
-            yield from sheets.picture(waiting, block.lines if taken else ())
-            waiting = None
-            if taken:
-                continue
-        if block.picture is not None:
-            waiting = block
-        else:
-            yield from sheets.take(block)
-    if waiting is not None:
-        yield from sheets.picture(waiting, ())
-    yield from sheets.finish()
-
-
-def _draw_table(figure: Figure, part: Table, top: float, height: float) -> None:
-    axes = figure.add_axes((0.05, top - height, 0.9, height))
-    axes.axis("off")
-    rows = [list(row) for row in part.rows] or [[""] * len(part.heads)]
-    lengths = [max(len(row[k]) for row in (part.heads, *rows)) + 2 for k in range(len(part.heads))]
-    table = axes.table(
-        cellText=rows,
-        colLabels=list(part.heads),
-        colWidths=[length / sum(lengths) for length in lengths],
-        cellLoc="left",
-        bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 1.0),
-    )
-    table.auto_set_font_size(False)  # noqa: FBT003 - matplotlib takes it by place
-    table.set_fontsize(7)
-    for (row, _), cell in table.get_celld().items():
-        cell.set_linewidth(0.3)
-        if row == 0:
-            cell.set_facecolor("#f0f0f0")
 
 
 def write_tables(out: Path, report: RunReport) -> list[Path]:

@@ -18,6 +18,8 @@ table { border-collapse: collapse; font-size: .85rem; margin: .6rem 0; }
 th, td { border-bottom: 1px solid #ddd; padding: .25rem .6rem; text-align: left; }
 th { background: #f3f3f3; }
 div.wide { overflow-x: auto; }
+div.two { display: grid; grid-template-columns: repeat(auto-fit, minmax(20rem, 1fr)); gap: 0 2rem; }
+p { margin: .4rem 0; } h3 { font-size: 1rem; }
 figure { margin: 1rem 0; } figure svg { width: 100%; height: auto; }
 figcaption { font-size: .85rem; color: #555; }
 @media print { h2 { break-after: avoid; } figure, table { break-inside: avoid; } }
@@ -45,7 +47,11 @@ def _block(block: Block, svg: str, number: int) -> str:
         return (
             f'<figure role="img" aria-label="{caption}">{_own(svg, number)}<figcaption>{caption}</figcaption></figure>'
         )
-    return "".join(f"<p>{escape(line)}</p>" for line in block.lines)
+    columns = [column for column in (block.lines, block.beside) if column]
+    texts = ["".join(f"<p>{escape(line)}</p>" for line in column) for column in columns]
+    return (
+        texts[0] if len(texts) == 1 else "".join(("<div class=two>", *(f"<div>{one}</div>" for one in texts), "</div>"))
+    )
 
 
 def _table(table: Table) -> str:

@@ -36,13 +36,16 @@ _PHRASES: Final = (
     ),
     (
         rf"its fixes jump to and fro by {_N} m: two devices under one run id, or a wild clock\?",
-        r"測位が\1 m往復:1運行に2台の端末,または時計異常の可能性",
+        r"測位が\1 m往復:1運行に2台の端末、または時計異常の可能性",
     ),
     (r"its speeds are km/h: divided by 3\.6", "速度がkm/hのため3.6で除算"),
     (
         rf"{_N} of {_N} rows left out: no place, no time, or a time that was there already",
-        r"\2行中\1行を除外:位置・時刻なし,または時刻重複",
+        r"\2行中\1行を除外:位置・時刻なし、または時刻重複",
     ),
+    (r"this file was left out: no track \(trk\) in this file", "このファイルは除外:トラック(trk)なし"),
+    (r"this file was left out: no run in it", "このファイルは除外:運行なし"),
+    (r"this file was left out: (.+)", r"このファイルは除外:\1"),
     (r"no speeds in the log: derived from places", "速度の記録なし:位置から算出"),
     (rf"its speeds come {_N} s after its places: brought together", r"速度が位置より\1秒遅れ:補正済み"),
     (rf"its speeds come {_N} s before its places: brought together", r"速度が位置より\1秒先行:補正済み"),
@@ -52,13 +55,14 @@ _PHRASES: Final = (
         "集計対象なし:時間帯を広げてください(--from-hour, --until-hour, --zone)",
     ),
     # Why there is no optimum.
+    (r"the energy-saving run is itself the cheapest within its limits", "代表省エネパターンが制限内で最小"),
     (
         rf"no faster than {_N} s within limits, traction and brakes",
         r"制限速度・引張力・ブレーキの範囲では\1秒より短縮できない",
     ),
     (
         r"the train cannot get through: a gradient too steep for its traction, or a limit of zero",
-        "走行不能:勾配に対して引張力が不足,または制限速度が0",
+        "走行不能:勾配に対して引張力が不足、または制限速度が0",
     ),
     (rf"{_N} m are too short for a profile", r"\1 mは走行曲線を求めるには短すぎる"),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import mean
 
 from services.run_history.reception_survey import Reception
 from services.run_history.report_reasons import in_language
@@ -69,9 +70,59 @@ def _margin_row(section: SectionReport, language: Language) -> tuple[str, ...]:
     )
 
 
+def energy_table(report: RunReport, language: Language) -> Table:
+    """Mean traction, regeneration and auxiliaries of each group, and what they come to from the line."""
+    keys = ("section", "series", "runs", "traction_kwh", "regenerated_kwh", "auxiliaries_kwh", "net_kwh")
+    rows = []
+    for section in report.sections:
+        legs = section.group.rows
+        if not legs:
+            continue
+        traction = mean(row.energy_kwh for row in legs)
+        back = _mean([row.regenerated_kwh for row in legs])
+        beside = _mean([row.auxiliaries_kwh for row in legs])
+        net = None if back is None or beside is None else traction - back + beside
+        first = (f"{section.group.start} → {section.group.end}", section.group.series, str(len(legs)))
+        rows.append((*first, f"{traction:.2f}", *("–" if one is None else f"{one:.2f}" for one in (back, beside, net))))
+    return Table(tuple(said(key, language) for key in keys), tuple(rows))
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    """Mean; None where one is not told."""
+    told = [one for one in values if one is not None]
+    return mean(told) if told and len(told) == len(values) else None
+
+
+def legs_table(section: SectionReport, report: RunReport, language: Language, most: int = 40) -> Table:
+    """The first runs of a group, one a line."""
+    keys = ("run", "hour", "running_time", "traction_kwh", "energy", "regenerated_kwh", "auxiliaries_kwh", "quality")
+    rows = []
+    for row, share in list(zip(section.group.rows, section.group.energies, strict=True))[:most]:
+        rows.append(
+            (
+                row.run_id,
+                f"{int(local_hour(row.departure_s, report.selection.zone))}",
+                f"{row.running_time_s:.0f}",
+                with_sigma(row.energy_kwh, row.energy_sigma_kwh),
+                f"{share:.3f}",
+                with_sigma(row.regenerated_kwh, row.regenerated_sigma_kwh),
+                with_sigma(row.auxiliaries_kwh, row.auxiliaries_sigma_kwh),
+                f"{row.quality:.2f}",
+            )
+        )
+    return Table(tuple(said(key, language) for key in keys), tuple(rows))
+
+
+def with_sigma(value: float | None, sigma: float | None) -> str:
+    """An energy with its standard deviation; a dash where a table did not tell it."""
+    if value is None:
+        return "–"
+    return f"{value:.2f}" if sigma is None else f"{value:.2f} ± {sigma:.2f}"
+
+
 def left_out_line(section: SectionReport, language: Language) -> str:
     """Why legs of a group do not count, with their number."""
-    comma, colon = (", ", ": ") if language == "en" else (",", ":")
+    comma, colon = (", ", ": ") if language == "en" else ("、", ":")
     return comma.join(f"{in_language(reason, language)}{colon}{count}" for reason, count in section.group.left_out)
 
 
@@ -114,7 +165,8 @@ def margin_columns(report: RunReport) -> Columns:
 def run_columns(report: RunReport) -> Columns:
     """The runs that count as values; with pseudonyms, the hour of departure alone."""
     heads = "run from to direction series departure_hour departure_unix_s running_time_s"
-    heads += " energy_kwh energy_sigma_kwh energy_normalised quality"
+    heads += " energy_kwh energy_sigma_kwh energy_normalised regenerated_kwh regenerated_sigma_kwh"
+    heads += " auxiliaries_kwh auxiliaries_sigma_kwh quality"
     rows: list[tuple[Cell, ...]] = []
     for one in report.sections:
         for row, share in zip(one.group.rows, one.group.energies, strict=True):
@@ -122,7 +174,9 @@ def run_columns(report: RunReport) -> Columns:
             when = None if report.pseudonyms else row.departure_s
             which: tuple[Cell, ...] = (row.run_id, row.start, row.end, row.direction, row.series, hour, when)
             energy: tuple[Cell, ...] = (row.energy_kwh, row.energy_sigma_kwh, float(share))
-            rows.append((*which, row.running_time_s, *energy, row.quality))
+            apart: tuple[Cell, ...] = (row.regenerated_kwh, row.regenerated_sigma_kwh)
+            apart += (row.auxiliaries_kwh, row.auxiliaries_sigma_kwh)
+            rows.append((*which, row.running_time_s, *energy, *apart, row.quality))
     return Columns("runs", tuple(heads.split()), tuple(rows))
 
 

@@ -10,19 +10,19 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
     "title": ("Run history and energy", "運転実績と力行電力量"),
     "estimate": (
         "Estimates from satellite positions, to support people: not certified, no driving order, no verdict on anyone.",
-        "本書の値は測位記録からの推定値であり,認証された値でも運転指示でもなく,個人の評価の根拠とはなりません。",
+        "本書の値は測位記録からの推定値であり、認証された値でも運転指示でもなく、個人の評価の根拠とはなりません。",
     ),
     "upper_limit": (
         "The margin takes no account of signals and operation: it is an upper limit of what can be saved.",
-        "省エネルギー化余地は信号や運行の都合を考慮しない上限であり,実際の効果はこれより小さくなります。",
+        "省エネルギー化余地は信号や運行の都合を考慮しない上限であり、実際の効果はこれより小さくなります。",
     ),
     "summary": (
         "{runs} runs, {legs} legs, {counted} counted (departures from {from_h:g} to {until_h:g} h, {zone})",
-        "{runs}運行,{legs}区間走行,うち集計対象{counted}({from_h:g}時~{until_h:g}時発,{zone})",
+        "{runs}運行、{legs}区間走行、うち集計対象{counted}({from_h:g}時〜{until_h:g}時発、{zone})",
     ),
     "pseudonyms": (
         "Runs are named by pseudonyms; dates are left out.",
-        "運行名は仮名化し,日付は記載していません。",
+        "運行名は仮名化し、日付は記載していません。",
     ),
     "up": ("up", "起点から終点へ"),
     "down": ("down", "終点から起点へ"),
@@ -74,9 +74,29 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
     "left_out": ("Left out", "対象外"),
     "sheet": ("Crew sheet", "乗務員シート"),
     "this_run": ("this run", "この運行"),
-    "hour": ("hour", "時間帯"),
+    "hour": ("hour", "時台"),
     "departure": ("departure", "発車"),
     "energy_kwh": ("traction energy [kWh]", "力行電力量 [kWh]"),
+    "energy_title": ("Energy by section, mean of the runs that count", "区間別電力量(集計対象の平均)"),
+    "energy_told": (
+        "The margin goes by traction alone. Regenerated energy and auxiliaries are estimates of their own beside it.",
+        "余地は力行電力量のみで求め、回生・補機の電力量は別途の推定値です。",
+    ),
+    "legs_title": ("Runs of the section", "区間の各運行"),
+    "run": ("run", "運行"),
+    "traction_kwh": ("traction [kWh]", "力行 [kWh]"),
+    "regenerated_kwh": ("regenerated [kWh]", "回生 [kWh]"),
+    "auxiliaries_kwh": ("auxiliaries [kWh]", "補機 [kWh]"),
+    "net_kwh": ("net [kWh]", "差引 [kWh]"),
+    "quality": ("quality", "品質"),
+    "sheet_facts": (
+        "{hour} h · running time {time} s · traction {traction} kWh · energy over mean {share}",
+        "{hour}時台 · 走行時分 {time}秒 · 力行 {traction} kWh · 正規化力行電力量 {share}",
+    ),
+    "sheet_apart": (
+        "regenerated {regenerated} kWh · auxiliaries {auxiliaries} kWh",
+        "回生 {regenerated} kWh · 補機 {auxiliaries} kWh",
+    ),
     "notes": ("Notes", "注記"),
     "more": ("and {count} more", "ほか{count}件"),
     "top": (
@@ -97,15 +117,15 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
     ),
     "again_at": (
         "Braked at {at:.2f} km from {from_kmh:.0f} to {low:.0f} km/h and accelerated to {to:.0f} km/h again",
-        "{at:.2f} km付近で{from_kmh:.0f}→{low:.0f} km/hに減速後,{to:.0f} km/hへ再加速",
+        "{at:.2f} km付近で{from_kmh:.0f}→{low:.0f} km/hに減速後、{to:.0f} km/hへ再加速",
     ),
     "hill": (
         "From {a:.1f} to {b:.1f} km acceleration ends between {low:.0f} and {high:.0f} km/h (spread {spread:.0f} km/h)",
-        "{a:.1f}~{b:.1f} kmの加速終端速度は{low:.0f}~{high:.0f} km/h(ばらつき{spread:.0f} km/h)",
+        "{a:.1f}〜{b:.1f} kmの加速終端速度は{low:.0f}〜{high:.0f} km/h(ばらつき{spread:.0f} km/h)",
     ),
     "leaves": (
         "From {a:.1f} to {b:.1f} km {runs} of {of} runs leave the reference by over 5 km/h (up to {most:.0f} km/h)",
-        "{a:.1f}~{b:.1f} kmで{of}本中{runs}本が基準記録から5 km/h超のずれ(最大{most:.0f} km/h)",
+        "{a:.1f}〜{b:.1f} kmで{of}本中{runs}本が基準記録から5 km/h超のずれ(最大{most:.0f} km/h)",
     ),
     "optimum_is": (
         "Optimum in the same {time:.0f} s: {kwh:.2f} kWh, {share:+.1f} % against the energy-saving run",
@@ -113,7 +133,7 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
     ),
     "observed": (
         "On {share:.0f} % of the way no limit is known: there the optimum keeps to the speeds that runs had",
-        "制限速度が不明の{share:.0f}%の区間では,最適走行は実績の速度を上限としています",
+        "制限速度が不明の{share:.0f}%の区間では、最適走行は実績の速度を上限としています",
     ),
     "no_optimum": ("No optimum: {why}", "最適走行なし:{why}"),
     "top_lower": (
@@ -147,7 +167,7 @@ WORDS: Final[dict[str, tuple[str, str]]] = {
     ),
     "against": (
         "{time:+.0f} s and {energy:+.1f} % energy against the energy-saving run",
-        "代表省エネパターンとの差:走行時分{time:+.0f}秒,力行電力量{energy:+.1f}%",
+        "代表省エネパターンとの差:走行時分{time:+.0f}秒、力行電力量{energy:+.1f}%",
     ),
 }
 

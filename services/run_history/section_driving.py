@@ -32,6 +32,7 @@ from services.run_history.vehicle import Vehicle
 Floats = NDArray[np.float64]
 SAME_LEG_S: Final = 5.0
 """Departures of one leg, once from the table and once from the log, differ by rounding alone; by less than a leg."""
+CHEAPEST: Final = "the energy-saving run is itself the cheapest within its limits"
 MOST_DRAWN: Final = 200
 """Runs drawn in grey; more make a file heavy and the picture no clearer."""
 
@@ -97,6 +98,8 @@ def driving_of(
         try:
             limits = same_limits(line, vehicle, traces, own, way.start_axis_m, way.sign)
             found = optimum(limits.section, limits.vehicle, best.running_time_s)
+            if found.traction_kwh > best.energy_kwh:
+                found, why = None, CHEAPEST
         except OptimumError as error:
             why = str(error)
     return Driving(

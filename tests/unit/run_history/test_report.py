@@ -62,7 +62,7 @@ def report(made: Path, out: Path, *more: object) -> str:
 
 def test_one_command_makes_the_whole_report_of_simulated_runs(made: Path) -> None:
     page = (made / "report.html").read_text("utf-8")
-    for key in ("margin_title", "diagram", "reception", "estimate", "upper_limit", "optimum"):
+    for key in ("margin_title", "energy_title", "diagram", "reception", "estimate", "upper_limit", "optimum", "advice"):
         assert WORDS[key][0] in page, key
     stations = load_line(Path("demo")).line.stations
     assert f"{stations[0].name} → {stations[1].name}" in page
@@ -92,7 +92,7 @@ def test_the_same_log_and_salt_give_the_same_bytes(made: Path, tmp_path: Path) -
     for name in ("report.html", "report.margins.csv", "report.runs.csv", "report.reception.csv"):
         assert (tmp_path / name).read_bytes() == (made / name).read_bytes(), name
     for number in (1, 2):
-        report(made, tmp_path / f"{number}.pdf", "--sheets", "1", "--lang", "ja")
+        report(made, tmp_path / f"{number}.pdf", "--sheets", "0", "--lang", "ja", "--processes", str(number))
     assert (tmp_path / "1.pdf").read_bytes() == (tmp_path / "2.pdf").read_bytes()
 
 
@@ -127,6 +127,8 @@ def test_tables_are_the_same_as_csv_and_parquet(made: Path) -> None:
             found = connection.execute("SELECT * FROM read_parquet(?)", [str(made / f"report.{name}.parquet")])
             assert [column[0] for column in found.description] == list(rows[0])
             assert len(found.fetchall()) == len(rows)
+    with (made / "report.runs.csv").open(encoding="utf-8", newline="") as file:
+        assert all(float(row["regenerated_kwh"]) > 0.0 < float(row["auxiliaries_kwh"]) for row in csv.DictReader(file))
     with (made / "report.margins.csv").open(encoding="utf-8", newline="") as file:
         assert {row["small_sample"] for row in csv.DictReader(file)} == {"True"}
 
@@ -166,11 +168,23 @@ def gpx_folder(made: Path, folder: Path) -> Path:
 
 def test_one_command_makes_the_report_of_a_folder_of_gpx_files(made: Path, tmp_path: Path) -> None:
     folder = gpx_folder(made, tmp_path / "gpx")
-    said = kirotei(
-        "report", "--log", folder, "--line", "demo", "--vehicle", "demo", "--out", tmp_path / "r.html", "--sheets", "1"
-    )
+    away = (folder / "demo-001.gpx").read_text("utf-8").replace('lat="', 'lat="1')
+    (folder / "away.gpx").write_text(away, "utf-8")
+    (folder / "empty.gpx").write_text("", "utf-8")
+    (folder / "pointless.gpx").write_text("<gpx><trk></trk></gpx>", "utf-8")
+    out = tmp_path / "r.html"
+    asked = ("--line", "demo", "--vehicle", "demo", "--out", out, "--sheets", "1", "--lang", "ja")
+    said = kirotei("report", "--log", folder, *asked)
     assert f"{RUNS} runs, {RUNS} legs" in said
-    assert WORDS["diagram"][0] in (tmp_path / "r.html").read_text("utf-8")
+    for name in ("empty.gpx", "pointless.gpx"):
+        assert f"{folder / name}: this file was left out" in said
+    assert "the line of another railway?" in said or "too few" in said
+    page = out.read_text("utf-8")
+    assert WORDS["diagram"][1] in page
+    assert "このファイルは除外" in page
+    assert "empty" not in page  # files are often called by people
+    only = kirotei("report", "--log", folder / "empty.gpx", *asked, fails=True)
+    assert f"{folder / 'empty.gpx'}:1" in only
 
 
 def test_places_that_leave_the_monitor_record_are_said(made: Path, tmp_path: Path) -> None:
