@@ -51,20 +51,22 @@ class Folder:
 def _fold(connection: sqlite3.Connection, lane: Lane, totals: LaneTotals, ids: list[int]) -> int | None:
     """Id of the one batch made of those that are still there; None when they cannot become one."""
     marks = ",".join("?" * len(ids))
+    # The lane as well: a batch that has gone leaves its id to the next one, of whichever lane.
     rows = connection.execute(
-        f"SELECT first, count, oldest_ns, newest_ns, body FROM batch WHERE id IN ({marks}) ORDER BY first",  # noqa: S608 - question marks
-        ids,
+        f"SELECT first, count, oldest_ns, newest_ns, body, id FROM batch WHERE lane = ? AND id IN ({marks}) "  # noqa: S608 - question marks
+        "ORDER BY first",
+        [lane, *ids],
     ).fetchall()
     if len(rows) <= 1 or any(a[0] + a[1] != b[0] for a, b in pairwise(rows)):
         return None
     try:
-        gathered = [piece for _, count, _, _, body in rows for piece in pieces(body, count)]
+        gathered = [piece for _, count, _, _, body, _ in rows for piece in pieces(body, count)]
     except BatchError:  # found out again, and counted, when it is to be sent
         return None
     if sum(map(len, gathered)) > MOST_PLAIN_BYTES:
         return None
     body = packed(gathered)
-    connection.execute(f"DELETE FROM batch WHERE id IN ({marks})", ids)  # noqa: S608 - question marks
+    connection.executemany("DELETE FROM batch WHERE id = ?", [(row[5],) for row in rows])
     cursor = connection.execute(
         "INSERT INTO batch(lane, first, count, oldest_ns, newest_ns, body) VALUES (?, ?, ?, ?, ?, ?)",
         (lane, rows[0][0], len(gathered), min(row[2] for row in rows), max(row[3] for row in rows), body),

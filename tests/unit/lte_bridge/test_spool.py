@@ -141,6 +141,19 @@ def test_small_batches_become_few_and_take_less_room(tmp_path: Path) -> None:
         assert drained(spool, "bulk") == everything
 
 
+def test_a_batch_that_took_over_the_id_of_another_lanes_is_not_folded_into_that(tmp_path: Path) -> None:
+    with opened(tmp_path) as spool:
+        bulk = [record(number) for number in range(40)]
+        event = record(0, EVENT_KEY)
+        spool.put(bulk[:1])
+        spool.acknowledge("bulk", 0)
+        spool.put([event])  # number 0, as the bulk that has gone was, and in its row
+        for one in bulk[1:]:
+            spool.put([one])
+        assert drained(spool, "events") == [event]
+        assert drained(spool, "bulk") == bulk[1:]
+
+
 def test_a_batch_is_about_as_large_as_asked_for(tmp_path: Path) -> None:
     with opened(tmp_path) as spool:
         everything = [record(number, payload=noise(300, number)) for number in range(3000)]
