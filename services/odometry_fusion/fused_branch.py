@@ -38,7 +38,7 @@ CREEP_TIME_S: Final = 2.0
 """Correlation time of micro-slip."""
 ATTITUDE_WALK: Final = 1.4e-4
 """Random walk of the attitude beside the gyro's noise (springs, accelerometer bias), rad per √s."""
-BIAS_WALK: Final = 1.5e-5
+BIAS_WALK: Final = 7e-6
 LEAK_WALK: Final = 3e-4
 LAG_WALK: Final = 2e-4
 """Random walks of B, C and L, per √s."""

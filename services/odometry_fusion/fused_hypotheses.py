@@ -39,6 +39,11 @@ LEAST_MPS: Final = 0.8
 """Slower, neither train nor wheel, no slip begins."""
 KNOWN_SPEED_VAR: Final = 0.2**2
 """An account that knows its speed less well than this, at the very beginning, begins no slips."""
+EFFORT_MPS2: Final = 0.3
+"""So much effort has a direction, whatever gradient of the mounting or bias is in it; half of it none."""
+AGAINST_LOG: Final = -10.0
+"""Brakes make wheels slide, and traction makes them spin. What an account loses that began the other way round:
+enough where a slip that was not seen has just ended, far less than a slip of 1 m/s shows in a second."""
 WORST_LOG: Final = -40.0
 ALIKE: Final = (0.1, 0.004, 0.5)
 """Adhering accounts that have come so close in speed, attitude and distance are one and the same."""
@@ -57,15 +62,24 @@ def copy_branch(branches: Branches, source: int, target: int) -> None:
 
 
 @kernel
-def begin_slip(branches: Branches, source: int, target: int, tick: int) -> None:
-    """The account that wheels which adhered so far slip from now on."""
+def begin_slip(branches: Branches, source: int, target: int, tick: int, effort_mps2: float) -> None:
+    """The account that wheels which adhered so far slip from now on, under an effort (0: not known)."""
     copy_branch(branches, source, target)
     own, x = branches.about[target], branches.x[target]
     own.mode, own.since, own.slip_since = SLIPPING, tick, tick
     own.log_weight += BEGIN_LOG
     own.walk, own.top_mps, own.free, own.first = FIRST_WALK, 0.0, 0, 0
     own.slip_d_m, own.slip_w_m = x[D], x[W]
+    own.effort_mps2 = effort_mps2
     branches.p[target, U, U] += FIRST_SLIP_MPS**2
+
+
+@kernel
+def against_effort(slip_mps: float, effort_mps2: float) -> float:
+    """What an account loses whose slip began against the effort at the wheels, in logarithm."""
+    if slip_mps * effort_mps2 >= 0.0:
+        return 0.0
+    return float(AGAINST_LOG * min(1.0, max(0.0, 2.0 * abs(effort_mps2) / EFFORT_MPS2 - 1.0)))
 
 
 @kernel
@@ -121,7 +135,7 @@ def branch_out(branches: Branches, now: Record, begins: bool, dt_s: float) -> No
     target = count
     known = adhering >= 0 and branches.p[adhering, V, V] < KNOWN_SPEED_VAR
     if known and begins and max(abs(now.rim_mps), abs(branches.x[adhering, V])) > LEAST_MPS:
-        begin_slip(branches, adhering, target, tick)
+        begin_slip(branches, adhering, target, tick, now.effort_mps2)
         target += 1
     for i in range(count):
         own = branches.about[i]

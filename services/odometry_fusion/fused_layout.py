@@ -68,6 +68,8 @@ BRANCH: Final[np.dtype[Any]] = np.dtype([
             # D and W where its latest slip began
             "slip_d_m",
             "slip_w_m",
+            # effort at the wheels then [m/s²]
+            "effort_mps2",
         )
     ),
 ])  # fmt: skip
@@ -146,6 +148,8 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             "quiet",
             "slip_share",
             "slip_top",
+            # effort at the wheels: smoothed specific force along x
+            "effort_mps2",
             "acceleration_mps2",
             # distance published = scale (D - origin_d_m) + origin_m
             "scale",

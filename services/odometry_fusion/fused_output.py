@@ -54,7 +54,7 @@ SLIP_M: Final = 0.7
 """this much way: micro-slips are followed, but not called slips."""
 ADHERES_SHARE: Final = 0.3
 """Re-adhesion is published when a slip is less probable."""
-HOLD_TICKS: Final = 15
+HOLD_TICKS: Final = 25
 """for so long without a break: wheels that cycle are one slip."""
 MACRO_SHARE: Final = 0.018
 """A rim that is off by less of the speed creeps, and does not slip: adhesion is exceeded at 1 to 2 %."""

@@ -19,7 +19,14 @@ from services.odometry_fusion.fused_branch import (
     predict,
 )
 from services.odometry_fusion.fused_gaps import bridge_gap, watch_gap
-from services.odometry_fusion.fused_hypotheses import TRY_TICKS, begin_slip, branch_out, prune, slip_share
+from services.odometry_fusion.fused_hypotheses import (
+    TRY_TICKS,
+    against_effort,
+    begin_slip,
+    branch_out,
+    prune,
+    slip_share,
+)
 from services.odometry_fusion.fused_layout import (
     ADHERING,
     GRAVITY_MPS2,
@@ -81,6 +88,10 @@ MOST_WALK: Final = 4.0
 WALK_SHARE: Final = 0.2
 PLAIN_SLIP_MPS: Final = 0.25
 """A slip has shown above this slip speed and twice the micro-slip."""
+EFFORT_SHARE: Final = 0.2
+"""Of the newest in the effort."""
+SHOWN_MPS: Final = 0.15
+"""A slip that has come to this has a direction, too."""
 FIRST_SLIP_LOG: Final = -3.0
 FIRST_SLIP_S: Final = 4.0
 FIRST_SLIP_MPS: Final = 1.5
@@ -91,8 +102,12 @@ BACKWARDS_LOG: Final = 0.5
 """No train runs backwards while its wheels turn forwards: what an account of that loses per tick."""
 LONGEST_TAME_S: Final = 25.0
 TURNING_MPS: Final = 1.0
+APART_SIGMA: Final = 3.0
+APART_MPS: Final = 0.5
 DISTRUST_S: Final = 30.0
-"""After a slip in which the rim ran as smoothly as a train for so long, the inertial sensor is left out for so long."""
+"""After a slip in which the rim ran as smoothly as a train for so long, and so far from the inertial speed, the
+inertial sensor is left out for so long. A small slip speed within its sigma contradicts nothing: slow slips
+fade so."""
 TAME_TICKS: Final = 50
 NEVER_TICKS: Final = 1_000_000
 STILL_MPS: Final = 0.5
@@ -131,7 +146,7 @@ def begin_branches(branches: Branches, now: Record, way_m: float, rim_m: float, 
     now.calm_d_m, now.calm_w_m = way_m, rim_m
     begin_rim(now)
     if abs(speed_mps) > STILL_MPS:
-        begin_slip(branches, 0, 1, now.tick)
+        begin_slip(branches, 0, 1, now.tick, 0.0)
         branches.about[1].log_weight, branches.about[1].first = FIRST_SLIP_LOG, 1
         variance = max(FIRST_SLIP_MPS, FIRST_SLIP_SHARE * abs(speed_mps)) ** 2
         p = branches.p[1]
@@ -177,6 +192,7 @@ def _step(
             now.roll_settled_s, now.noise_s = 0.0, 0.0
         else:
             sense(tick, now, branches.x[now.best, V], PERIOD_S)
+            now.effort_mps2 += EFFORT_SHARE * (tick.ax_mps2 - now.effort_mps2)
         stands = _follow(tick, rule, now, branches, blind, silent)
         if away or silent:
             forget_axes(now)
@@ -266,7 +282,8 @@ def _supervise(now: Record, branches: Branches) -> None:
             begin_branches(branches, now, x[D], x[W], now.rim_mps)
             return
     tame_ticks = now.tick - max(own.slip_since, now.wild_tick)
-    if own.mode == SLIPPING and tame_ticks * PERIOD_S > LONGEST_TAME_S and abs(now.rim_mps) > TURNING_MPS:
+    apart = abs(x[U]) > min(APART_MPS, APART_SIGMA * np.sqrt(branches.p[now.best, U, U]))
+    if own.mode == SLIPPING and apart and tame_ticks * PERIOD_S > LONGEST_TAME_S and abs(now.rim_mps) > TURNING_MPS:
         now.distrust_s = DISTRUST_S
         _begin_again(now, branches, own.slip_d_m, own.slip_w_m)
 
@@ -275,6 +292,8 @@ def _supervise(now: Record, branches: Branches) -> None:
 def _watch_walk(x: Floats, own: Record, residual_m: float, variance: float, now: Record) -> None:
     """The slip speed's random walk follows what it has just done (as in GARCH models)."""
     shown = max(residual_m * residual_m - 4.0 * variance, 0.0) / PERIOD_S**3
+    if own.top_mps < SHOWN_MPS <= abs(x[U]):
+        own.log_weight += against_effort(x[U], own.effort_mps2)
     suspected = own.top_mps < PLAIN_SLIP_MPS + 2.0 * np.sqrt(now.creep_var)
     least = (LEAST_WALK if suspected else PLAIN_WALK) ** 2 + 2.0 * now.creep_var
     own.walk = max(least, own.walk + WALK_SHARE * (min(shown, MOST_WALK**2) - own.walk))

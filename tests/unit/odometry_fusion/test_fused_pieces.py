@@ -7,7 +7,15 @@ import pytest
 
 from services.odometry_fusion.fused_bound import ETCS_M, ETCS_SHARE, allowed
 from services.odometry_fusion.fused_branch import begin_state, correct, predict
-from services.odometry_fusion.fused_hypotheses import begin_slip, end_slip, prune, slip_share, take_over
+from services.odometry_fusion.fused_hypotheses import (
+    AGAINST_LOG,
+    against_effort,
+    begin_slip,
+    end_slip,
+    prune,
+    slip_share,
+    take_over,
+)
 from services.odometry_fusion.fused_layout import (
     ADHERING,
     BRANCH,
@@ -146,7 +154,7 @@ def test_a_correction_is_that_of_a_kalman_filter_and_an_outlier_moves_less() -> 
 
 def test_a_slip_ends_the_sooner_the_nearer_its_speed_is_to_nought() -> None:
     branches, now = fresh()
-    begin_slip(branches, 0, 1, 5)
+    begin_slip(branches, 0, 1, 5, 0.0)
     prices = []
     for slip_mps in (0.0, 0.2, 1.0):
         branches.x[1, U], branches.p[1, U, U] = slip_mps, 0.1**2
@@ -156,9 +164,19 @@ def test_a_slip_ends_the_sooner_the_nearer_its_speed_is_to_nought() -> None:
     assert prices[0] > prices[1] > prices[2]
 
 
+def test_brakes_do_not_make_wheels_spin_nor_traction_slide() -> None:
+    # From half of 0.3 m/s² on the effort has a direction, and no slip against it goes for nothing.
+    for slip_mps, effort_mps2, share in ((-0.4, 0.6, 1.0), (0.4, -0.225, 0.5), (-0.4, 0.15, 0.0), (0.4, 0.6, 0.0)):
+        for sense in (1.0, -1.0):
+            found = against_effort(sense * slip_mps, sense * effort_mps2)
+            # Exact but for rounding.
+            assert found == pytest.approx(share * AGAINST_LOG, abs=1e-9)
+    assert against_effort(-0.4, 0.0) == 0.0
+
+
 def test_taking_over_the_wheel_keeps_its_speed_and_gives_the_inertial_one_up() -> None:
     branches, now = fresh(10.0)
-    begin_slip(branches, 0, 1, 0)
+    begin_slip(branches, 0, 1, 0, 0.0)
     branches.p[1] = np.diag(np.full(SIZE, 1e-6))
     branches.x[1, U] = 1.5
     take_over(branches, 1, 2, 600, DT_S, float(now["creep_var"][0]))
@@ -170,7 +188,7 @@ def test_taking_over_the_wheel_keeps_its_speed_and_gives_the_inertial_one_up() -
 def test_the_adhering_account_survives_any_number_of_better_ones() -> None:
     branches, now = fresh()
     for k in range(1, ROOM):
-        begin_slip(branches, 0, k, k)
+        begin_slip(branches, 0, k, k, 0.0)
         branches.about["log_weight"][k] = 10.0 + 0.1 * k
     now["branches"], now["tick"] = ROOM, 200
     prune(branches, now[0])
