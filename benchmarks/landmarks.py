@@ -184,9 +184,9 @@ WRONG: dict[str, Callable[[np.random.Generator], Case]] = {
     "reverse running": _reverse,
     "wheel +30 % in the curve": _fast_wheel,
     "twin within the window": _twin,
+    "wheel +30 % in part of the curve": _fast_wheel_in_part,
 }
 MIXED: dict[str, Callable[[np.random.Generator], Case]] = {
-    "wheel +30 % in part of the curve": _fast_wheel_in_part,
     "wheel up to +30 % in part of the curve, slowly": _growing_wheel_in_part,
 }
 
