@@ -23,6 +23,7 @@ LONGEST_NS: Final = 6 * 3600 * 1_000_000_000
 SILENT_NS: Final = 3600 * 1_000_000_000
 """A pass is over after this long without a measurement."""
 NOT_BELIEVED: Final = "a clock that was not believed"
+NO_PLACE: Final = "measured on board, and no place is known"
 _STORED: Final = {"power_dbm": "channel_power_dbm"}
 """Columns of the store that have another name than the reading's field."""
 
@@ -121,7 +122,7 @@ def _readings(answer: StoreAnswer, refused: Counter[str], counted: tuple[int, in
     """Measurements of a page that can be used, by the time that the store goes by; `counted`: when refusals count."""
     at = {name: answer.columns.index(name) for name in ("taken_ns", "clock", "pass_id", "radio", "channel")}
     place, direction = answer.columns.index("chainage_m"), answer.columns.index("direction")
-    cell = answer.columns.index("cell")
+    cell, side = answer.columns.index("cell"), answer.columns.index("side")
     figures = {name: answer.columns.index(_STORED.get(name, name)) for name in QUANTITIES.values()}
     for row in answer.rows:
         t_ns = int(row[at["taken_ns"]] or 0)
@@ -130,6 +131,9 @@ def _readings(answer: StoreAnswer, refused: Counter[str], counted: tuple[int, in
             refused[NOT_BELIEVED] += here
             continue
         placed = row[place] is not None and row[direction] in ("up", "down")
+        if row[side] == "onboard" and not placed:
+            refused[NO_PLACE] += here
+            continue
         reading = Reading(
             t_ns=t_ns,
             pass_id=_text(row[at["pass_id"]]),

@@ -201,15 +201,19 @@ class _Show:
     async def _events(self, arrivals: AsyncIterator[Arrival[RadioEvent]], who: str) -> None:
         async for arrival in arrivals:
             event = arrival.message
-            if not event.confirmed or (who, event.event_id, event.phase) in self._told:
+            # What begins is told once for all that is one thing; what ends, each for itself.
+            one = event.event_id if event.phase == "ended" else event.incident_id or event.event_id
+            told = (who, one, event.phase)
+            if not event.confirmed or told in self._told:
                 continue
-            self._told.add((who, event.event_id, event.phase))
+            self._told.add(told)
             self.heard += 1
             self._first.set()
             place = f"{event.section_start_m / 1000:.1f}-{event.section_end_m / 1000:.1f} km"
             if who == "train":
-                what = f"{event.radio} {event.channel} {place}: {event.kind}, {event.cause}, {event.phase}"
-                self._say(who, f"{what}: {event.reason}")
+                what = f"{event.radio} {event.channel} {place}: {event.kind}, {event.cause}"
+                what = what if event.phase == "ended" else event.incident or what
+                self._say(who, f"{event.phase.replace('_', ' ')}: {what}; {event.reason}")
             else:
                 late_s = (arrival.received_ns - arrival.sent_ns) / 1e9
                 what = f"{event.radio} {place} {event.kind}, {event.phase}"

@@ -142,6 +142,7 @@ def test_what_cannot_be_used_is_counted_and_work_ends_when_the_service_does(tmp_
             measurement(10_000, t_ns=0),
             measurement(10_001, t_ns=FAULT_NS, chainage_m=1e9),
             measurement(10_002, t_ns=FAULT_NS, channel_power_dbm=None, decoded_power_dbm=None),
+            measurement(10_003, t_ns=FAULT_NS, side="onboard", chainage_m=None),
         ]
         odd = [msgspec.structs.replace(one, heard_ns=FAULT_NS) for one in odd]
         ingest = Ingest("demo", store.had())
@@ -149,6 +150,7 @@ def test_what_cannot_be_used_is_counted_and_work_ends_when_the_service_does(tmp_
         assert done(store, "learn").left_out == {
             "a clock that was not believed": 1,
             "chainage_m out of its range": 1,
+            "measured on board, and no place is known": 1,
             "neither a power nor a reception ratio": 1,
         }
         with pytest.raises(StoreError, match="stopping"):
