@@ -251,7 +251,7 @@ def test_a_leg_faster_than_line_and_vehicle_allow_is_left_out() -> None:
     assert all(leg.quality == 0.0 for leg in fast.legs)
 
 
-@given(seed=st.integers(0, 1000), gone=st.floats(0.0, 0.5))
+@given(seed=st.integers(0, 1000), gone=st.floats(0.0, 0.3))
 def test_whatever_a_log_lost_a_counted_leg_is_no_nonsense(seed: int, gone: float) -> None:
     log = made_run()
     rng = np.random.default_rng(seed)
