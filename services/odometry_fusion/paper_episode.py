@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from services.numerics.kernel import kernel
 from services.odometry_fusion.motion_log import PERIOD_S
+from services.odometry_fusion.paper_attitude import forward_acceleration
 from services.odometry_fusion.paper_error import closed_error, distance_error
 from services.odometry_fusion.paper_layout import ADHERING, CORRECTING, OVERDUE
 from services.odometry_fusion.paper_readhesion import adheres_again
@@ -16,8 +17,10 @@ RESUME_TICKS = 30
 """After a correction that found no end, the wheel is taken up again once accelerations have agreed for so long."""
 STUCK_MPS = 3.0
 """A counter at a standstill is not believed while the inertial speed is above this."""
-REOPENED_SHARE = 0.6
+REOPENED_SHARE = 0.8
 """Older tracks than this share of the longest correction are not taken up again."""
+UNCONFIRMED_NS = 8_000_000_000
+"""An end after which nothing has slipped for so long was one: both windows have passed, and wheels cycle faster."""
 CLOSING_SHARE = 0.6
 """Share of (drift of speed × time) that is drift of distance: ½ by a wrong pitch, 1 by a wrong initial speed."""
 
@@ -36,14 +39,24 @@ def _follow(
 
 
 @kernel
-def begin_episode(ticks: Records, smoothed: Records, at: int, rules: Records, state: Records, tracks: Records) -> bool:
-    """Choose start points and follow them; False where no tick could serve as one.
+def begin_episode(
+    ticks: Records,
+    smoothed: Records,
+    at: int,
+    judged: bool,  # noqa: FBT001 - a kernel takes its arguments by place
+    rules: Records,
+    state: Records,
+    tracks: Records,
+) -> bool:
+    """Choose start points and follow them; False where no tick could serve as one, or `judged` they show no slip.
 
     Soon after the last episode there is no start point yet: its end is taken back, and its tracks go on.
     """
     now, rule = state[0], rules[0]
     young = tracks[0].t_s < REOPENED_SHARE * rule.longest_s
-    if now.reopenable > 0 and young and ticks[max(0, at - rule.look_back - rule.window)].t_ns <= now.ended_ns:
+    if now.reopenable > 0 and young and is_unconfirmed(ticks, at, state):
+        if judged and not _shows_slip(smoothed, at, now.reopenable, rules, tracks):
+            return False
         _reopen(state)
         return True
     now.tracks = 0
@@ -53,21 +66,44 @@ def begin_episode(ticks: Records, smoothed: Records, at: int, rules: Records, st
         earliest += 1
     point = start_point(smoothed, latest, earliest, rules)
     if point < 0:
-        point = least_jerk(smoothed, latest, earliest)
+        point = least_jerk(smoothed, latest, earliest, rules)
     if point < 0:
-        point = least_jerk(smoothed, at - 1, earliest)
+        point = least_jerk(smoothed, at - 1, earliest, rules)
     if point < 0:
         return False
     while point >= 0 and now.tracks < rule.start_points:
         _follow(ticks, smoothed, at, point, rules, state, tracks)
         point = start_point(smoothed, point - rule.spacing, earliest, rules)
+    if judged and not _shows_slip(smoothed, at, now.tracks, rules, tracks):
+        now.tracks = now.reopenable = 0
+        return False
     now.mode = CORRECTING
+    now.closed_m = 0.0
     now.episode += 1
     now.agreeing = 0
     now.start_offset_m = now.offset_m
     difference_mps = smoothed[at].wheel_mps2 - tracks[0].forward_mps2
     now.slip = 0 if now.forced else (1 if difference_mps > 0.0 else -1)
     return True
+
+
+@kernel
+def is_unconfirmed(ticks: Records, at: int, state: Records) -> bool:
+    """Whether the last end is so young that nothing has confirmed it."""
+    return bool(ticks[at].t_ns - state[0].ended_ns < UNCONFIRMED_NS)
+
+
+@kernel
+def _shows_slip(smoothed: Records, at: int, count: int, rules: Records, tracks: Records) -> bool:
+    """Whether a track finds the wheel's acceleration wrong by Ta less the gradient, which equation (2) has taken off.
+
+    If none does, the line has become steeper than Ta expects, as the gyro has seen, or the sensor is off.
+    """
+    for k in range(count):
+        forward_mps2 = forward_acceleration(smoothed[at].matched_mps2, tracks[k].pitch_rad)
+        if abs(forward_mps2 - smoothed[at].wheel_mps2) > rules[0].headroom_mps2:
+            return True
+    return False
 
 
 @kernel
@@ -141,7 +177,7 @@ def resume_wheel(ticks: Records, smoothed: Records, at: int, rules: Records, sta
         return -1.0
     drift_mps = own[0].speed_mps - smoothed[at].speed_mps
     stuck = smoothed[at].speed_mps == 0.0 and abs(drift_mps) > STUCK_MPS
-    agree = abs(smoothed[at].ax_mps2 - smoothed[at].wheel_mps2) <= rules[0].detection_mps2 and not stuck
+    agree = abs(smoothed[at].matched_mps2 - smoothed[at].wheel_mps2) <= rules[0].detection_mps2 and not stuck
     now.agreeing = now.agreeing + 1 if agree else 0
     late = own[0].t_s > 2.0 * rules[0].longest_s and abs(smoothed[at].speed_mps) > 1.0
     if now.agreeing < RESUME_TICKS and not late:

@@ -52,7 +52,9 @@ SMOOTHED: Final[np.dtype[Any]] = np.dtype([
         "way_m",
         "speed_mps",
         "wheel_mps2",
-        # changes of ax and Ap since the last tick
+        # ax with the weights that Ap gives the window, for whatever sets the one against the other; changes of both
+        # since the last tick
+        "matched_mps2",
         "jerk_imu",
         "jerk_wheel",
     ),
@@ -127,12 +129,15 @@ STATE: Final[np.dtype[Any]] = np.dtype([
     ("tilted", np.int64),
     ("wrong_axes", np.int64),
     ("proven", np.int64),
+    ("suspect", np.int64),
     *_floats(
         # distance = way + offset while adhering
         "offset_m",
         "start_offset_m",
         "run_m",
         "excess_m",
+        # what the ends of this episode have added to it
+        "closed_m",
         "gap_s",
         "gap_way_m",
         "since_rest_s",
@@ -140,7 +145,11 @@ STATE: Final[np.dtype[Any]] = np.dtype([
         "pitch_bias_radps",
         "yaw_bias_radps",
         "rest_s",
+        # what witnesses disagree on with the wheel, and the same with its sign
         "apart_m",
+        "lead_m",
+        # slip speed at which the latest witness has begun
+        "inherited_mps",
         "unseen_m",
         "rest_ax_mps2",
         "rest_ay_mps2",

@@ -12,7 +12,7 @@ from services.odometry_fusion.tick_layout import Records
 def adheres_again(smoothed: Records, at: int, speed_mps: float, t_s: float, rules: Records) -> bool:
     """Whether |ax - Ap| <= Ta and |speed - wheel| <= β t, t the correction time; by a switch the jerk test, too."""
     now, rule = smoothed[at], rules[0]
-    if now.wheel_ready == 0 or accelerations_differ(now.ax_mps2, now.wheel_mps2, rule.detection_mps2):
+    if now.wheel_ready == 0 or accelerations_differ(now.matched_mps2, now.wheel_mps2, rule.detection_mps2):
         return False
     if abs(speed_mps - now.speed_mps) > rule.beta_mps2 * t_s:
         return False

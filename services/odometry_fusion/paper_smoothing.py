@@ -36,18 +36,21 @@ def smooth(ticks: Records, at: int, rules: Records, out: Records) -> None:
     The first tick is that of the first count: the wheel, delayed by the latency, is only known so long after it.
 
     Ap is the change of speed from the window's first `speed_window` ticks to its last ones: its mean acceleration.
-    With a speed of a single period (0.3 m/s per pulse) Ap would be coarser than what it is compared with.
+    With a speed of a single period (0.3 m/s per pulse) Ap would be coarser than what it is compared with. That weighs
+    accelerations in the window by a trapezoid, and `matched_mps2` is the mean of ax with the same weights: otherwise
+    every change of effort would show as a difference of the two for as long as it is in the window.
     """
     now = out[at]
     now.ready = now.wheel_ready = 0
     window, speed_window = rules[0].window, rules[0].speed_window
     if at < window + 1 + rules[0].latency:
         return
-    ax = ay = az = gx = gy = gz = way = 0.0
+    ax = ay = az = gx = gy = gz = way = matched = 0.0
     ready = wheel_ready = 1
     for k in range(at - window + 1, at + 1):
         tick = ticks[k]
         ax += tick.ax_mps2
+        matched += min(k - at + window - 0.5, float(speed_window), at - k + 0.5) * tick.ax_mps2
         ay += tick.ay_mps2
         az += tick.az_mps2
         gx += tick.gx_radps
@@ -59,12 +62,13 @@ def smooth(ticks: Records, at: int, rules: Records, out: Records) -> None:
         if counts_missing(tick, rules[0].pulse_m):
             wheel_ready = 0
     now.ax_mps2, now.ay_mps2, now.az_mps2 = ax / window, ay / window, az / window
+    now.matched_mps2 = matched / (speed_window * (window - speed_window))
     now.roll_radps, now.pitch_radps, now.yaw_radps = gx / window, -gy / window, gz / window
     now.way_m = way / window
     now.speed_mps = (ticks[at].aligned_m - ticks[at - window].aligned_m) / (window * PERIOD_S)
     late_mps = (ticks[at].aligned_m - ticks[at - speed_window].aligned_m) / (speed_window * PERIOD_S)
     early_mps = (ticks[at - window + speed_window].aligned_m - ticks[at - window].aligned_m) / (speed_window * PERIOD_S)
     now.wheel_mps2 = (late_mps - early_mps) / ((window - speed_window) * PERIOD_S)
-    now.jerk_imu = now.ax_mps2 - out[at - 1].ax_mps2
+    now.jerk_imu = now.matched_mps2 - out[at - 1].matched_mps2
     now.jerk_wheel = now.wheel_mps2 - out[at - 1].wheel_mps2
     now.ready, now.wheel_ready = ready, wheel_ready

@@ -57,6 +57,7 @@ def widen(rules: Records, state: Records, speed_mps: float, in_force: Records) -
     sigma_mps2 = wheel_acceleration_sigma(rules, state, speed_mps)
     more_mps2 = max(0.0, SIGMAS * sigma_mps2 - rule.headroom_mps2)
     own.detection_mps2 = rule.detection_mps2 + more_mps2
+    own.headroom_mps2 = rule.headroom_mps2 + more_mps2
     # From tick to tick twice as many ways go into it.
     jerk = SIGMAS * 2.0**0.5 * sigma_mps2 if more_mps2 > 0.0 else 0.0
     own.jerk_wheel = max(rule.jerk_wheel, jerk)

@@ -42,7 +42,7 @@ from services.odometry_fusion.paper_rest import departs_unseen, watch_rest
 from services.odometry_fusion.paper_smoothing import LONGEST_HOLD_S, counts_missing, smooth
 from services.odometry_fusion.paper_stamps import watch_stamps, widen
 from services.odometry_fusion.paper_track import FASTEST_MPS, present
-from services.odometry_fusion.paper_witness import FACTOR, FADING_S, dismiss, watch_wheel
+from services.odometry_fusion.paper_witness import FACTOR, compare_wheel, dismiss, doubt_start, fade_wheel
 from services.odometry_fusion.tick_layout import Records
 
 HARDEST_MPS2 = 1.4
@@ -119,28 +119,30 @@ def _step(
         stands = watch_rest(ticks, at, no_pulses, state)
         if stands:
             now.distrusted = 0
-            dismiss(witnesses)
-        seen_m = 0.0 if stands else watch_wheel(ticks, smoothed, at, rule.correction, state, witnesses)
-        now.apart_m = max(seen_m, (1.0 - PERIOD_S / FADING_S) * now.apart_m)
+            dismiss(state, witnesses)
         follow_ended(smoothed, at, rules, state, tracks)
+        if stands:
+            fade_wheel(state)
+        else:
+            compare_wheel(ticks, smoothed, at, rules, state, tracks, witnesses)
         _watch_gap(tick.way_m, no_imu, state)
         now.forced = 1 if no_pulses else 0
         differ = (
             smoothed[at].ready != 0
             and smoothed[at].wheel_ready != 0
-            and accelerations_differ(smoothed[at].ax_mps2, smoothed[at].wheel_mps2, rule.detection_mps2)
+            and accelerations_differ(smoothed[at].matched_mps2, smoothed[at].wheel_mps2, rule.detection_mps2)
         )
         fresh = watch_beginning(ticks, smoothed, at, differ, state, witnesses) and now.begun != 0
         slips = differ or (smoothed[at].ready != 0 and departs_unseen(smoothed[at].ax_mps2, state))
         starts = (slips and not fresh) or no_pulses
-        if starts and not no_imu and begin_episode(ticks, smoothed, at, rules, state, tracks):
-            # What witnesses saw before the start point: that may lie within a slip which built up slowly.
+        judged, unconfirmed = differ and not no_pulses, now.reopenable > 0
+        if starts and not no_imu and begin_episode(ticks, smoothed, at, judged, rules, state, tracks):
             undone_m = tracks[0].distance_m - now.start_offset_m - smoothed[at].way_m
-            now.unseen_m = max(now.unseen_m, now.apart_m - abs(undone_m))
+            doubt_start(undone_m, unconfirmed, rule.undetected_m, state)
             m = distance_error(rules, tracks[0].t_s, now.since_rest_s)
             count = _note(events, count, row, BEGAN, state, tracks, 0.0, m)
     else:
-        dismiss(witnesses)
+        dismiss(state, witnesses)
         count = _correct(ticks, smoothed, at, row, rules, state, tracks, events, count, no_imu)
     _write(ticks, smoothed, at, rules, state, tracks, out, row, stands, no_imu, no_pulses)
     if wrong_axes and out[row].status == DEGRADED:
@@ -181,8 +183,9 @@ def _correct(
     elif now.mode == OVERDUE:
         bound_m = resume_wheel(ticks, smoothed, at, rules, state, tracks)
     if bound_m >= 0.0:
-        now.excess_m += bound_m + now.unseen_m
-        now.unseen_m = 0.0
+        # An end that was taken back has left its share already.
+        now.excess_m += max(0.0, bound_m - now.closed_m) + now.unseen_m
+        now.closed_m, now.unseen_m = max(bound_m, now.closed_m), 0.0
         count = _note(events, count, row, phase, state, tracks, now.offset_m - former_m, bound_m)
         if count > 0:
             events[count - 1].slip = slip
@@ -263,8 +266,9 @@ def _write(
         # The longer a correction lasts, the likelier the wheel has adhered again unnoticed.
         wheel_m = tick.way_m + now.start_offset_m
         doubt = min(1.0, max(0.0, (tracks[0].t_s - USUAL_SLIP_S) / USUAL_SLIP_S))
-        # Until the first departure has shown that the axes are right, nothing speaks for the inertial sensor either.
-        provisional_m += (1.0 if unproven else doubt) * abs(own.distance_m - wheel_m)
+        # Until the first departure has shown that the axes are right, nothing speaks for the inertial sensor either,
+        # nor for a start point that witnesses contradict.
+        provisional_m += (1.0 if unproven or now.suspect else doubt) * abs(own.distance_m - wheel_m)
         error_mps = 0.3 + 2.0 * distance_error(rules, tracks[0].t_s, now.since_rest_s) / max(tracks[0].t_s, 1.0)
         error_mps = min(error_mps, FASTEST_MPS)
     if stands:

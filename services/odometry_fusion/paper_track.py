@@ -18,10 +18,10 @@ def begin_track(track: Records, smoothed: Records, start: int, start_ns: int, of
     """Set off from the wheel's speed and way at the start point, with the attitude there."""
     own, point, bias = track[0], smoothed[start], biases[0]
     own.start_ns, own.agreeing, own.t_s = start_ns, 0, 0.0
-    own.pitch_rad = initial_pitch(point.ax_mps2, point.wheel_mps2)
+    own.pitch_rad = initial_pitch(point.matched_mps2, point.wheel_mps2)
     yaw_radps = point.yaw_radps - bias.yaw_bias_radps
     own.roll_rad = initial_roll(point.ay_mps2, point.az_mps2, point.speed_mps, yaw_radps)
-    own.forward_mps2 = point.wheel_mps2
+    own.forward_mps2 = forward_acceleration(point.ax_mps2, own.pitch_rad)
     own.speed_mps = point.speed_mps
     own.distance_m = point.way_m + offset_m
 

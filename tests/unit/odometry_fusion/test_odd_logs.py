@@ -100,7 +100,8 @@ def test_a_wheel_that_is_off_by_two_percent_stays_within_the_bound(scale: float)
     log, t_s, distance_m = run_of(slip_mps=4.0)
     rows = run_log(replace(log, wheel_diameter_m=log.wheel_diameter_m * scale), CONFIG)
     assert held(rows, t_s, distance_m)
-    assert rows.status.max() == VALID
+    # A correction of 20 s may leave it open whether wheel or inertial sensor is right, and says so.
+    assert rows.status[rows.slip == 0].max() == VALID
 
 
 @pytest.mark.parametrize("teeth", [1, 8])

@@ -98,9 +98,12 @@ def test_without_a_start_point_the_least_difference_of_jerks_serves() -> None:
     smoothed = calm(50)
     smoothed["jerk_imu"] = 1.0
     smoothed["jerk_imu"][20] = 0.5
-    assert least_jerk(smoothed, 49, 0) == 20
+    rules = rules_of(PaperSettings(), VEHICLE)
+    assert least_jerk(smoothed, 49, 0, rules) == 20
+    smoothed["wheel_mps2"][20] = 1.0  # equation (3) would give a gradient of 10 %
+    assert least_jerk(smoothed, 49, 0, rules) == 49
     smoothed["ready"] = 0
-    assert least_jerk(smoothed, 49, 0) == -1
+    assert least_jerk(smoothed, 49, 0, rules) == -1
 
 
 def test_re_adhesion_needs_both_accelerations_and_speeds() -> None:
@@ -109,7 +112,7 @@ def test_re_adhesion_needs_both_accelerations_and_speeds() -> None:
     smoothed["speed_mps"] = 10.0
     assert adheres_again(smoothed, 0, 10.9, 10.0, rules)  # 0.9 m/s after 10 s
     assert not adheres_again(smoothed, 0, 11.1, 10.0, rules)
-    smoothed["ax_mps2"] = 0.6
+    smoothed["matched_mps2"] = 0.6
     assert not adheres_again(smoothed, 0, 10.0, 10.0, rules)
 
 
