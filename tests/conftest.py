@@ -1,4 +1,4 @@
-"""What every test shares: compiled kernels of this session's processes in one place, and examples that no clock judges."""
+"""What every test shares: one place for compiled kernels, and property tests whose examples no clock judges."""
 
 from __future__ import annotations
 
