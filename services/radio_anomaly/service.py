@@ -17,6 +17,7 @@ from msgspec import Meta
 from schemas.message import Message
 from schemas.radio import RadioAcceptance, RadioEvent, RadioMeasurement, Weather
 from schemas.topics import RADIO_ACCEPTANCE, RADIO_EVENT, RADIO_MEASUREMENT, RADIO_SECTION, WEATHER
+from services.radio_anomaly.given_model_file import GivenModelFile
 from services.radio_anomaly.live_passes import LivePass, LivePasses
 from services.radio_anomaly.monitor import Judgement, Monitor
 from services.radio_anomaly.passes import Journey, binned, sorted_passes
@@ -26,6 +27,7 @@ from services.radio_anomaly.raising import Raiser
 from services.radio_anomaly.reading import lacks_place, reading_of, refusal_of
 from services.radio_anomaly.section_words import section_messages
 from services.radio_anomaly.settings import Settings
+from services.radio_anomaly.taking_over import is_newer, taken_over, why_not
 from services.radio_anomaly.weather_map import Sky, WeatherMap
 from services.runtime.clock import LiveClock
 from services.runtime.node import Arrival, Node, Service
@@ -36,9 +38,10 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Settings of the radio's watch."""
 
     model_file: str = ""
-    """Model to begin with, as `kirotei radio learn` writes it. Without one it learns from what it hears first."""
+    """Model to begin with, as `kirotei radio learn` writes it, packed or not; one that is put there later is taken
+    over when it is newer. Without one it learns from what it hears first."""
     state: bool = True
-    """Keep the model on disk, with what was learned since; it then counts before `model_file`."""
+    """Keep the model on disk, with what was learned since; `model_file` counts before it only where it is newer."""
     state_folder: str = ""
     """Where; empty for the host's own folder, which a replay of a recording neither reads nor writes."""
     anywhere: bool = False
@@ -63,12 +66,27 @@ class _Watch:
 
     def __init__(self, node: Node, config: Config, model: RadioModel) -> None:
         self._node, self._config = node, config
-        self._origin, self._evidence = model.origin, model.evidence
-        self._monitor: Monitor = monitor_of(model)
-        self._raiser = Raiser(self._monitor, evidence_of(model))
+        self._watch_by(model)
         self._passes = LivePasses(self._monitor.settings)
         self._weather = WeatherMap()
         self.changed = False
+
+    def _watch_by(self, model: RadioModel) -> None:
+        self._origin, self._evidence = model.origin, model.evidence
+        self._monitor: Monitor = monitor_of(model)
+        self._raiser = Raiser(self._monitor, evidence_of(model))
+
+    async def replaced(self, file: GivenModelFile) -> None:
+        """Take over the model that stands in the file now, where it is newer; passes under way go on."""
+        kept = self.model()
+
+        def work() -> RadioModel | None:
+            return _newer(self._node, file, kept)
+
+        found = await self._node.in_thread(work)
+        if found is not None:
+            self._watch_by(found)
+            self.changed = True
 
     def model(self) -> RadioModel:
         """All that is known now."""
@@ -201,11 +219,12 @@ async def run(node: Node, config: Config) -> None:
         RADIO_MEASUREMENT, WEATHER, RADIO_ACCEPTANCE, anywhere=config.anywhere, mirrored=config.mirrored
     )
     path = _state_path(node, config)
-    watch = _Watch(node, config, await node.in_thread(lambda: _model(node, config, path)))
+    file = GivenModelFile(Path(config.model_file)) if config.model_file else None
+    watch = _Watch(node, config, await node.in_thread(lambda: _model(node, config, path, file)))
     node.ready()
     lock = asyncio.Lock()
     async with asyncio.TaskGroup() as tasks:
-        ticking = tasks.create_task(_tick(node, config, watch, path, lock), name="silence and state")
+        ticking = tasks.create_task(_tick(node, config, watch, (path, file), lock), name="silence and state")
         async for arrival in arrivals:
             async with lock:
                 await watch.take(arrival)
@@ -215,11 +234,16 @@ async def run(node: Node, config: Config) -> None:
         await _save(node, watch, path)
 
 
-async def _tick(node: Node, config: Config, watch: _Watch, path: Path | None, lock: asyncio.Lock) -> None:
+async def _tick(
+    node: Node, config: Config, watch: _Watch, files: tuple[Path | None, GivenModelFile | None], lock: asyncio.Lock
+) -> None:
     saved_s = node.clock.monotonic_s()
+    path, file = files
     while await node.sleep(TICK_S):
         async with lock:
             await watch.silent()
+            if file is not None and await node.in_thread(file.changed):
+                await watch.replaced(file)
             if path is not None and watch.changed and node.clock.monotonic_s() - saved_s >= config.save_s:
                 saved_s = node.clock.monotonic_s()
                 await _save(node, watch, path)
@@ -246,20 +270,46 @@ def _state_path(node: Node, config: Config) -> Path | None:
     return folder / f"{safe}-{zlib.crc32(place.encode()):08x}.json"
 
 
-def _model(node: Node, config: Config, path: Path | None) -> RadioModel:
-    """The model kept, else the one given, else an empty one that learns."""
+def _model(node: Node, config: Config, path: Path | None, file: GivenModelFile | None) -> RadioModel:
+    """The model kept, or what the given one makes of it where that is newer; else the one given, else an empty one."""
+    kept: RadioModel | None = None
     if path is not None and path.exists():
         try:
-            return read_model(path)
+            kept = read_model(path)
         except (ValueError, OSError) as error:
             node.health.refuse(f"the radio model kept cannot be used: {error}", node.clock.monotonic_s())
-    if config.model_file:
-        model = read_model(Path(config.model_file))
+    there = file is not None and file.changed()
+    if file is not None and not there:
+        node.health.set("model_file", f"{file.path}: no radio model there yet")
+    if kept is not None:
+        return (_newer(node, file, kept) if file is not None and there else None) or kept
+    if file is not None and there:
+        model = file.read()
         if model.method != "line":
-            msg = f"{config.model_file}: the service works by the method `line`, not `{model.method}`"
+            msg = f"{file.path}: the service works by the method `line`, not `{model.method}`"
             raise ValueError(msg)
         return model
     return RadioModel(settings=config.settings, origin=Origin(source="radio_anomaly"))
+
+
+def _newer(node: Node, file: GivenModelFile, kept: RadioModel) -> RadioModel | None:
+    """What the model in the file makes of the one kept; None, and why in health, where it is of no use or no newer."""
+    node.health.clear("model_file")
+    try:
+        given = file.read()
+        reason = why_not(given, kept)
+    except (ValueError, OSError) as error:
+        reason = str(error)
+    if reason is not None:
+        words = f"the radio model given is not taken over: {reason} ({file.path})"
+        node.health.refuse(words, node.clock.monotonic_s())
+        return None
+    if not is_newer(given, kept):
+        return None
+    node.health.count("models_taken_over")
+    words = f"the radio model learned until {given.origin.last_utc} from {given.origin.passes} passes is taken over"
+    node.health.trouble("model", words, node.clock.monotonic_s())
+    return taken_over(given, kept)
 
 
 SERVICE = Service(

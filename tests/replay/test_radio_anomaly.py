@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from schemas.codec import decode, encode
@@ -16,10 +17,13 @@ from schemas.topics import RADIO_ACCEPTANCE, RADIO_EVENT, RADIO_MEASUREMENT, RAD
 from services.radio_anomaly.file_analysis import learn
 from services.radio_anomaly.radio_model_file import read_model, write_model
 from services.radio_anomaly.reading import Reading
-from services.radio_anomaly.service import SERVICE, Config
+from services.radio_anomaly.service import SERVICE, TICK_S, Config
 from services.radio_anomaly.settings import Settings
 from services.recorder.offline_replay import replay_through
 from services.runtime.attachment import Attachment, encode_attachment
+from services.runtime.clock import ManualClock
+from services.runtime.manual_loop import manual_loop
+from services.runtime.memory_node import MemoryBus, MemoryNode
 from services.runtime.node import Sample
 from tests.unit.radio_anomaly.made_up import DAY_NS, one_pass
 
@@ -199,3 +203,110 @@ def test_a_site_without_a_place_is_watched_over_time() -> None:
     assert {one.direction for one in sure} == {None}
     # A day learned, then told within two periods of ten minutes.
     assert sure[0].t_ns <= rows[0].t_ns + DAY_NS + 21 * 60 * 10**9
+
+
+def handed_down(path: Path, passes: int) -> Path:
+    """A model learned from so many passes, as a bridge puts it in place."""
+    write_model(
+        path, learn([one for n in range(passes) for one in one_pass(n)], Settings(), "line", "made up", Counter())
+    )
+    return path
+
+
+def test_a_newer_model_given_is_taken_over_and_an_open_event_goes_on(model_file: Path, tmp_path: Path) -> None:
+    given = tmp_path / "current"
+    given.write_bytes(model_file.read_bytes())
+    config = Config(model_file=str(given), state_folder=str(tmp_path))
+    word = RadioAcceptance(
+        t_ns=one_pass(24)[0].t_ns, acceptance_id="a1", radio="W1", section_start_m=3000.0, section_end_m=3200.0,
+        since_ns=one_pass(24)[0].t_ns, by="Sato",
+    )  # fmt: skip
+    said(tape([one_pass(24), *faulty([25])], (RADIO_ACCEPTANCE, word)), config)
+    (kept,) = (tmp_path / "radio_anomaly").glob("*.json")
+    before = read_model(kept)
+    handed_down(given, 25)
+    events, _ = said(tape(faulty([26])), config)
+    after = read_model(kept)
+    assert after.origin == read_model(given).origin
+    assert after.origin.passes == before.origin.passes + 1
+    assert [one.acceptance_id for one in after.acceptances] == ["a1"]
+    assert {one.phase for one in events if one.kind == "below" and one.confirmed} == {"goes_on"}
+    assert {one.event_id for one in after.events if one.confirmed} == {one.event_id for one in before.events}
+    newest = max(row.day for row in read_model(given).sums)
+    count = [sum(row.n for row in each.sums if row.day <= newest) for each in (read_model(given), after)]
+    assert count[0] == count[1], "what both have learned counts once"
+
+
+def told_after(config: Config, change: Callable[[], object]) -> tuple[tuple[str, ...], dict[str, int]]:
+    """Reasons and counts of health a tick after a change to the files of a watch that runs."""
+    with manual_loop() as loop:
+        clock = ManualClock(loop, one_pass(26)[0].t_ns)
+        node = MemoryNode(MemoryBus(), SERVICE, TRAIN, clock)
+
+        async def watch() -> None:
+            await SERVICE.run(node, config)
+
+        task = loop.create_task(watch())
+        loop.settle()
+        assert node.health.level(clock.monotonic_s())[0] == "ok"
+        change()
+        loop.advance(TICK_S)
+        found = node.health.level(clock.monotonic_s())[1], dict(node.health.counts)
+        node.stop()
+        loop.settle()
+        assert task.done()
+    return found
+
+
+def test_a_newer_model_is_taken_over_while_the_watch_runs(model_file: Path, tmp_path: Path) -> None:
+    given = tmp_path / "current"
+    given.write_bytes(model_file.read_bytes())
+    config = Config(model_file=str(given), state_folder=str(tmp_path))
+    reasons, counts = told_after(config, lambda: handed_down(given, 26))
+    assert [one for one in reasons if "from 26 passes is taken over" in one]
+    assert counts["models_taken_over"] == 1
+    (kept,) = (tmp_path / "radio_anomaly").glob("*.json")
+    assert read_model(kept).origin.passes == 26
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [("older", "older than the one kept"), ("{", "no radio model"), ("sections", "sections are of 50 m")],
+)
+def test_a_model_given_that_is_of_no_use_is_refused_and_the_kept_one_goes_on(
+    model_file: Path, tmp_path: Path, content: str, reason: str
+) -> None:
+    given = tmp_path / "current"
+    given.write_bytes(model_file.read_bytes())
+    config = Config(model_file=str(given), state_folder=str(tmp_path))
+    said(tape([one_pass(24), *faulty([25])]), config)
+    (kept,) = (tmp_path / "radio_anomaly").glob("*.json")
+    origin = read_model(kept).origin
+
+    def change() -> None:
+        if content == "older":
+            handed_down(given, 10)
+        elif content == "{":
+            given.write_text(content, "utf-8")
+        else:
+            model = read_model(given)
+            newer = msgspec.structs.replace(model.origin, passes=99)
+            write_model(given, msgspec.structs.replace(model, origin=newer, settings=Settings(section_m=50.0)))
+
+    reasons, counts = told_after(config, change)
+    assert [one for one in reasons if "is not taken over" in one and reason in one]
+    assert "models_taken_over" not in counts
+    events, _ = said(tape(faulty([26])), config)
+    assert {one.phase for one in events if one.kind == "below" and one.confirmed} == {"goes_on"}, "at a start, too"
+    assert read_model(kept).origin == origin
+
+
+def test_a_watch_learns_until_a_model_is_put_in_its_place(tmp_path: Path) -> None:
+    given = tmp_path / "current"
+    config = Config(model_file=str(given), state_folder=str(tmp_path))
+    events, sections = said(tape(faulty([0])), config)
+    assert events == []
+    assert {one.state for one in sections} == {"learning"}
+    handed_down(given, 24)
+    events, _ = said(tape([one_pass(24), *faulty([25])]), config)
+    assert "below" in {one.kind for one in events if one.confirmed}
