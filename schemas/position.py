@@ -149,7 +149,7 @@ class TrainPosition(Message, frozen=True, kw_only=True):
     branch: str | None = None
     """Empty: the main line; None while it is undecided."""
     track: str | None = None
-    """Of parallel tracks; None while it is undecided or there is one only."""
+    """Of parallel tracks, empty for the axis itself; None while it is undecided or there is one only."""
     axis_m: float | None = None
     """Estimated front end."""
     chainage_m: float | None = None

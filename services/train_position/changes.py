@@ -6,6 +6,7 @@ from schemas.message import Message
 from schemas.position import BranchEvidence, TrainChange
 from services.train_position.held import Held
 from services.train_position.makeup import changed, refusal
+from services.train_position.parallel_track import track_taken
 from services.train_position.scale_message import unknown_scale
 
 
@@ -85,6 +86,9 @@ def apply_evidence(held: Held, evidence: BranchEvidence) -> list[Message]:
         return held.refuse("route", evidence.t_ns, "branch", text)
     disputed = held.branches.decide(evidence.decided, evidence.junction_axis_m, "curvature")
     held.say("route", evidence.t_ns, f"curvature: {evidence.reason}", taken=not disputed)
+    if not disputed and held.line is not None:
+        held.track_taken = track_taken(held.line, evidence.decided, evidence.junction_axis_m)
     if disputed:
+        held.track_taken = None
         return [held.event("branch", disputed, evidence.t_ns, evidence.junction_axis_m)]
     return []

@@ -99,14 +99,18 @@ def run_command(
 
 def _logged(folder: Path) -> list[Odometry]:
     """Odometry of a motion log by the default method: with everything that it vouches for, unlike a motion.csv."""
-    from services.odometry_fusion.methods import run_log
+    from services.odometry_fusion.methods import run_parts
     from services.odometry_fusion.motion_log_file import read_motion_log
     from services.odometry_fusion.row_messages import odometry_of
     from services.odometry_fusion.settings import Config as OdometryConfig
 
     settings = OdometryConfig()
-    rows = run_log(read_motion_log(folder).log, settings)
-    return [odometry_of(rows, at, 0, settings.method, "log") for at in range(len(rows))]
+    parts = run_parts(read_motion_log(folder).log, settings)
+    return [
+        odometry_of(rows, at, 0, settings.method, f"log.{number}")
+        for number, rows in enumerate(parts, 1)
+        for at in range(len(rows))
+    ]
 
 
 def _start(t_ns: int, axis_m: float, bound_m: float, places: Any) -> Message:  # noqa: ANN401 - LinePlaces, which loads numpy

@@ -16,6 +16,7 @@ from services.train_position.estimate import Estimate
 from services.train_position.instants import Instant, Physics, Scale, Sense
 from services.train_position.line_places import LinePlaces
 from services.train_position.makeup import Makeup
+from services.train_position.parallel_track import TrackTaken
 from services.train_position.reach import Reach
 from services.train_position.settings import Config
 from services.train_position.wheel_scale import WheelScale
@@ -73,6 +74,9 @@ class Held:
     narrowed_way_m: float = 0.0
     """Way of the odometry at the newest reference."""
     track: str | None = None
+    """Parallel track that the route set says."""
+    track_taken: TrackTaken | None = None
+    """And the one that the curves have told."""
     stop_demanded: bool = False
     astray: bool = False
     """The odometry has not found the end of a slip: what it says of way and speed until then is not relied on."""
@@ -113,6 +117,21 @@ class Held:
         self.changes += 1
         self.makeups.append((t_ns, makeup))
         del self.makeups[:-MAKEUPS]
+
+    def track_on(self, span: Interval) -> str | None:
+        """Parallel track of the train; None where there is none, or nothing tells it, or what tells it disagrees."""
+        if self.line is not None and not self.line.has_parallel(span.least_m, span.greatest_m):
+            return None
+        taken = self.track_taken
+        if taken is None:
+            return self.track
+        return taken.track if self.track in {None, taken.track} else None
+
+    def leave_track(self, span: Interval) -> None:
+        """Forget what the curves have told of a stretch that the train has left."""
+        taken = self.track_taken
+        if taken and (span.least_m > taken.stretch.greatest_m or span.greatest_m < taken.stretch.least_m):
+            self.track_taken = None
 
     @property
     def facing(self) -> int:

@@ -316,6 +316,7 @@ class PositionKeeper:
         span = held.span(places)
         held.branches.passed(span)
         held.branches.commit(span)
+        held.leave_track(span)
         branch = held.branch(places)
         if branch is None or branch == self._branch:
             return []

@@ -39,7 +39,7 @@ class LinePlaces:
         self.routes: dict[str, Alignment] = {route: alignment_of(line, route) for route in routes(line)}
         self.leaves_m: dict[str, float] = {branch.id: branch.leaves_axis_m for branch in line.branches}
         self._balises = {balise.id: balise for balise in line.balises}
-        self._parallel = line.parallel_tracks
+        self.parallel = line.parallel_tracks
         self._line = line
         self._day: tuple[int, str] | None = None
 
@@ -99,4 +99,4 @@ class LinePlaces:
 
     def has_parallel(self, least_m: float, greatest_m: float) -> bool:
         """Whether another track lies beside some of a stretch of the main line."""
-        return any(one.start_axis_m < greatest_m and one.end_axis_m > least_m for one in self._parallel)
+        return any(one.start_axis_m < greatest_m and one.end_axis_m > least_m for one in self.parallel)

@@ -56,9 +56,6 @@ def _placed(held: Held, now: Instant, places: Interval) -> dict[str, object]:
         ahead_m = behind_m = max(above_m, below_m)
     else:
         ahead_m, behind_m = (above_m, below_m) if facing > 0 else (below_m, above_m)
-    track = held.track
-    if held.line is not None and not held.line.has_parallel(span.least_m, span.greatest_m):
-        track = None
     ends: dict[str, object] = {}
     if facing:
         up = facing > 0
@@ -69,7 +66,7 @@ def _placed(held: Held, now: Instant, places: Interval) -> dict[str, object]:
         }
     return ends | {
         "branch": branch,
-        "track": track,
+        "track": held.track_on(span),
         "axis_m": axis_m,
         "chainage_m": held.chainage_m(axis_m, here),
         "bound_ahead_m": ahead_m,

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from schemas.line import Branch, ParallelTrack
 from schemas.motion import WheelScale as WheelScaleMessage
 from schemas.position import BranchEvidence, PositionEvent, Stretch, TrainChange
 from services.train_position.branches import Branches
@@ -22,7 +23,7 @@ from services.train_position.margin_plot import draw_margin, save_figure
 from services.train_position.settings import AntennaPlace, Config
 from services.train_position.table_file import TableError, read_table
 from services.train_position.wheel_scale import WheelScale
-from tests.unit.train_position.made_up import START_NS, Run, fix_of, run_with, straight_line
+from tests.unit.train_position.made_up import DEGREES, LENGTH_M, START_NS, Run, fix_of, run_with, straight_line
 
 
 def instant(distance_m: float, **changes: float) -> Instant:
@@ -243,6 +244,45 @@ def test_undecided_at_a_junction_is_degraded_and_occupies_both() -> None:
     assert run.position.branch == "north"
     assert run.status() == "valid"
     assert [one.text for one in run.heard if isinstance(one, PositionEvent) and one.kind == "branch"] == ["on north"]
+
+
+METRES = LENGTH_M / DEGREES
+LOOP_M = ((0.0, 0.0), (30.0, 4.0), (900.0, 4.0))
+"""Vertices: along the main line and aside of it."""
+LOOP = Branch(
+    id="loop",
+    name="Loop",
+    leaves_axis_m=20_000.0,
+    side="left",
+    axis=tuple((DEGREES / 2 + along_m / METRES, aside_m / METRES, 0.0) for along_m, aside_m in LOOP_M),
+)
+
+
+@pytest.mark.parametrize(
+    ("decided", "route", "track"),
+    [("loop", None, "loop-1"), ("", None, ""), (None, None, None), ("loop", "", None), ("loop", "loop-1", "loop-1")],
+)
+def test_curves_that_tell_the_branch_tell_the_parallel_track(
+    decided: str | None, route: str | None, track: str | None
+) -> None:
+    parallel = ParallelTrack(id="loop-1", start_axis_m=20_050.0, end_axis_m=20_600.0, aside_m=4.0)
+    line = msgspec.structs.replace(straight_line(), branches=(LOOP,), parallel_tracks=(parallel,))
+    run = run_with(axis_m=19_900.0)
+    run.keeper = PositionKeeper(run.keeper.held.config, LinePlaces(line))
+    run.go(10.0, 1.0)
+    run.hear(run.front_end(0.0, 5.0))
+    if route is not None:
+        # A way that is set, and of which only the track is told.
+        run.keeper.held.track = route
+    run.go(25.0)
+    assert run.position.track == route
+    told = BranchEvidence(t_ns=run.t_ns, junction_axis_m=20_000.0, decided=decided, chances=(), reason="curvature")
+    run.hear(told)
+    run.go(0.1)
+    assert run.position.track == track
+    # Behind the loop there is one track only.
+    run.go(60.0)
+    assert run.position.track is None
 
 
 def test_a_line_file_out_of_its_days_is_told() -> None:
