@@ -16,14 +16,18 @@ from services.odometry_fusion.motion_log import Counts, Floats, SixAxes
 
 FASTEST_MPS: Final = 100.0
 """No train is faster: what is vouched for while nothing excludes that the wheel is locked."""
+SLOW_MPS: Final = 10.0
+"""And a train that is shaken by no more than ROUGHLY_QUIET is not faster than this."""
+UNVOUCHED: Final = "the wheel stands since odometry began, and the inertial sensor shows no rest: it may be locked"
 WINDOW_S: Final = 1.0
 LEAST_SAMPLES: Final = 8
 SILENT_S: Final = 1.5
 """Without an inertial sensor for so long it is not waited for."""
-QUIET: Final = (0.2, 2.2e-3)
-"""Standard deviations over a window of the specific force [m/s²] and of the angular rates [rad/s], three axes together,
-of a sensor of which nothing is known: cheap ones show as much at rest. Rails shake a car's turning by more from about
-5 m/s on."""
+ROUGHLY_QUIET: Final = (0.2, 2.2e-3)
+"""Standard deviations over a window of the specific force [m/s²] and of the angular rates [rad/s], three axes together:
+cheap sensors show as much at rest. Rails shake a car's turning by more from about 5 m/s on."""
+QUIET: Final = (0.03, 2.2e-3)
+"""What a sensor of which nothing is known may show at rest: 2 m/s shake a car by more."""
 LEAST_QUIET: Final = (0.03, 1.3e-3)
 LEARNED: Final = (1.5, 1.25)
 """Where it is known what sensor and vehicle show at rest, so many times that, and LEAST_QUIET at least: 1 to 2 m/s are
@@ -79,6 +83,11 @@ def shaking_of(imu: SixAxes) -> Shaking:
     return Shaking(float(np.sqrt(np.sum(variances[:3]))), float(np.sqrt(np.sum(variances[3:]))))
 
 
+def stated_rest(force_mps2: float | None, rate_radps: float | None) -> Shaking | None:
+    """What somebody says of it; None where a half is missing."""
+    return None if force_mps2 is None or rate_radps is None else Shaking(force_mps2, rate_radps)
+
+
 def limits_of(rest: Shaking | None) -> Shaking:
     """What a standing train shows at most, by what it has shown before."""
     if rest is None:
@@ -89,10 +98,14 @@ def limits_of(rest: Shaking | None) -> Shaking:
 class FirstRest:
     """Watches the samples from the beginning until it is sure."""
 
-    def __init__(self, rest: Shaking | None = None) -> None:
-        """`rest`: what the inertial sensor has shown at rest before."""
+    def __init__(self, rest: Shaking | None = None, *, limits: Shaking | None = None) -> None:
+        """`rest`: what the inertial sensor has shown at rest before. `limits`: what counts as rest, instead."""
         self.state = Rest.WAITING
-        self._limits = limits_of(rest)
+        self._learned = rest is not None or limits is not None
+        """It is known what the sensor shows at rest; also once it has been quiet."""
+        self._limits = limits or limits_of(rest)
+        self._slow = not self._learned
+        """What shakes the train has been so little that it is not fast."""
         self._times_ns = np.empty(0, np.int64)
         self._imu: SixAxes = np.empty((0, 6))
         self._was_quiet = True
@@ -109,6 +122,16 @@ class FirstRest:
         self._forced_ns: int | None = None
         self.unsure_since_ns: int | None = None
         """Begin of what is not vouched for."""
+
+    @property
+    def fastest_mps(self) -> float:
+        """Speed of the train, at most, while nothing is sure."""
+        return SLOW_MPS if self._slow else FASTEST_MPS
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing more can change."""
+        return self._done
 
     def take_imu(self, t_ns: Counts, imu: SixAxes) -> None:
         """Samples of the inertial sensor, finite ones."""
@@ -135,6 +158,7 @@ class FirstRest:
         newest_ns = int(all_ns[-1])
         self._judge_wheel(newest_ns)
         if self.state is Rest.WAITING and self._begun_ns is not None and newest_ns - self._begun_ns >= SILENT_S * 1e9:
+            self._slow = False
             self._doubt(self._begun_ns)
 
     def _integrate(self, t_ns: Counts, ax_mps2: Floats) -> None:
@@ -156,7 +180,10 @@ class FirstRest:
 
     def _judge_window(self) -> None:
         """The inertial sensor over one window."""
-        quiet = len(self._times_ns) >= LEAST_SAMPLES and shaking_of(self._imu).within(self._limits)
+        enough = len(self._times_ns) >= LEAST_SAMPLES
+        shaking = shaking_of(self._imu)
+        quiet = enough and shaking.within(self._limits)
+        self._slow = self._slow and enough and shaking.within(Shaking(*ROUGHLY_QUIET))
         self._level_mps2 = float(np.mean(self._imu[:, 0]))
         last_ns = int(self._times_ns[-1])
         self._times_ns, self._imu = np.empty(0, np.int64), np.empty((0, 6))
@@ -165,7 +192,7 @@ class FirstRest:
         if self.state is Rest.WAITING and not quiet:
             self._doubt(self._begun_ns)
         elif self.state is Rest.WAITING:
-            self.state = Rest.SURE
+            self.state, self._learned = Rest.SURE, True
         elif self.state is Rest.UNSURE and quiet and self._alike >= QUIET_AGAIN:
             self.state = Rest.OVER
         elif self.state is Rest.SURE and not quiet and self._alike >= SHAKEN_AGAIN:
@@ -194,7 +221,8 @@ class FirstRest:
         long = now_ns - self._departed_ns > LONGEST_DEPARTURE_S * 1e9
         if abs(speed_mps) < GONE_MPS and not long:
             return
-        agrees = abs(speed_mps - self._gained_mps) <= AGREE_MPS + AGREE_SHARE * abs(speed_mps)
+        # Of a sensor whose rest is not known the train may have been under way, and the wheel may still lag behind.
+        agrees = self._learned and abs(speed_mps - self._gained_mps) <= AGREE_MPS + AGREE_SHARE * abs(speed_mps)
         known = self._level_mps2 is not None
         self._done = True
         self.state = Rest.SURE if agrees and known and not long else Rest.OVER

@@ -12,7 +12,7 @@ import numpy as np
 
 from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock, WheelScale
 from services.odometry_fusion.axle_choice import AxleChoice
-from services.odometry_fusion.first_rest import FASTEST_MPS, FirstRest, Rest, RestShaking, Shaking
+from services.odometry_fusion.first_rest import UNVOUCHED, FirstRest, Rest, RestShaking, Shaking, stated_rest
 from services.odometry_fusion.fused_odometry import LARGEST_SCALE, FusedOdometry
 from services.odometry_fusion.methods import begin
 from services.odometry_fusion.motion_log import (
@@ -34,7 +34,6 @@ START_WAIT_S: Final = 2.0
 """Odometry begins with the axles heard within this time of the first sample, or when all configured ones are."""
 LONGEST_STEP_S: Final = 30.0
 """Rows are made up for at most this long a silence at once."""
-UNVOUCHED: Final = "the wheel stands since odometry began, and the inertial sensor shows no rest: it may be locked"
 
 
 class _Axle:
@@ -56,7 +55,7 @@ class LiveOdometry:
         self._known = known
         self._origins = 0
         self.counts: Counter[str] = Counter()
-        self._shaking = RestShaking(_shaking_of(known))
+        self._shaking = RestShaking(_shaking_of(known) or stated_rest(config.imu_rest_mps2, config.imu_rest_radps))
         self._begin()
 
     def _begin(self) -> None:
@@ -248,7 +247,7 @@ class LiveOdometry:
         """The row with what a wheel that may have been locked from the beginning adds to its error."""
         unsure, since_ns = self._rest.state is Rest.UNSURE, self._rest.unsure_since_ns
         if unsure and since_ns is not None:
-            self._unvouched_m = max(self._unvouched_m, FASTEST_MPS * (row.t_ns - since_ns) / NS)
+            self._unvouched_m = max(self._unvouched_m, self._rest.fastest_mps * (row.t_ns - since_ns) / NS)
         if not self._unvouched_m:
             return row
         wider = msgspec.structs.replace(
@@ -258,7 +257,7 @@ class LiveOdometry:
             return wider
         return msgspec.structs.replace(
             wider,
-            speed_bound_mps=FASTEST_MPS,
+            speed_bound_mps=self._rest.fastest_mps,
             standstill=False,
             status="lost" if row.status == "lost" else "degraded",
             reason="; ".join(one for one in (UNVOUCHED, row.reason) if one),
@@ -270,9 +269,7 @@ class LiveOdometry:
 
 def _shaking_of(known: Remembered | None) -> Shaking | None:
     """What was kept of the sensor at rest."""
-    if known is None or known.rest_mps2 is None or known.rest_radps is None:
-        return None
-    return Shaking(known.rest_mps2, known.rest_radps)
+    return None if known is None else stated_rest(known.rest_mps2, known.rest_radps)
 
 
 def _axes_of(block: ImuBlock) -> tuple[Floats, ...]:

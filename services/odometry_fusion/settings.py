@@ -29,6 +29,11 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     (`kirotei motion calibrate` finds it). Files say their own."""
     max_gradient_permille: Annotated[float, Meta(ge=0.0, le=300.0)] = 35.0
     """Steepest gradient of the line."""
+    imu_rest_mps2: Annotated[float, Meta(gt=0.0, le=10.0)] | None = None
+    imu_rest_radps: Annotated[float, Meta(gt=0.0, le=1.0)] | None = None
+    """How much the inertial sensor is shaken in a standing train: standard deviations over a second of its specific
+    force and of its angular rates, three axes together, both or none. Until a stop has shown it, a train whose wheel
+    stands may be under way with locked wheels (docs/train_position.md)."""
     longest_wait_s: Annotated[float, Meta(ge=0.05, le=5.0)] = 0.6
     """A row waits so long for samples of its period; those that come later are left out."""
     silence_s: Annotated[float, Meta(ge=0.2, le=60.0)] = 1.0

@@ -93,7 +93,8 @@ def served(
     return found
 
 
-LIVE = Config(method="paper", imu_latency_s=0.3)
+LIVE = Config(method="paper", imu_latency_s=0.3, imu_rest_mps2=0.09, imu_rest_radps=1.4e-3)
+"""As much as the sensor of the made-up runs shows at rest."""
 
 
 def test_live_rows_are_those_of_a_file() -> None:

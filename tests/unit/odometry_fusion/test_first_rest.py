@@ -7,7 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.odometry_fusion.first_rest import FirstRest, Rest, RestShaking, Shaking, limits_of
+from services.odometry_fusion.first_rest import (
+    FASTEST_MPS,
+    SLOW_MPS,
+    FirstRest,
+    Rest,
+    RestShaking,
+    Shaking,
+    limits_of,
+)
 from services.odometry_fusion.motion_log import Remembered
 from services.odometry_fusion.odometry_store import read_state, state_file, write_state
 
@@ -15,6 +23,7 @@ SECOND_NS = 1_000_000_000
 AT_REST = 0.006
 UNDER_WAY = 0.15
 """Standard deviations of each axis' specific force [m/s²]; a hundredth of it for rates [rad/s]."""
+KNOWN = Shaking(0.011, 1e-4)
 
 
 class Train:
@@ -65,11 +74,25 @@ def test_a_wheel_that_turns_is_the_methods_own_affair() -> None:
     assert Train(FirstRest()).run(1.0, UNDER_WAY, wheel_mps2=10.0) is Rest.SURE
 
 
-@pytest.mark.parametrize(("felt_mps2", "found"), [(0.5, Rest.SURE), (0.0, Rest.OVER)])
-def test_a_departure_is_believed_if_the_sensor_feels_it(felt_mps2: float, found: Rest) -> None:
-    train = Train(FirstRest())
+@pytest.mark.parametrize(
+    ("known", "felt_mps2", "found"),
+    [(KNOWN, 0.5, Rest.SURE), (KNOWN, 0.0, Rest.OVER), (None, 0.5, Rest.OVER)],
+)
+def test_a_departure_is_believed_if_the_sensor_feels_it_and_is_known(
+    known: Shaking | None, felt_mps2: float, found: Rest
+) -> None:
+    train = Train(FirstRest(known))
     assert train.run(3.0, UNDER_WAY) is Rest.UNSURE
     assert train.run(6.0, UNDER_WAY, wheel_mps2=0.5, force_mps2=felt_mps2) is found
+
+
+def test_a_sensor_of_which_nothing_is_known_tells_slow_from_fast() -> None:
+    train = Train(FirstRest())
+    # Three axes together 0.087 m/s²: a cheap sensor at rest, or a good one in a train at a few metres per second.
+    assert train.run(3.0, 0.05) is Rest.UNSURE
+    assert train.rest.fastest_mps == SLOW_MPS
+    train.run(2.2, UNDER_WAY)
+    assert train.rest.fastest_mps == FASTEST_MPS
 
 
 def test_a_wheel_that_is_released_at_speed_is_no_departure() -> None:

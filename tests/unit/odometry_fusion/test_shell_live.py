@@ -66,7 +66,8 @@ def told(live: LiveOdometry, blocks: list[tuple[ImuBlock | TachoBlock, str]]) ->
     return [one for one in messages if isinstance(one, Odometry)]
 
 
-LIVE = Config(method="paper", imu_latency_s=0.3)
+LIVE = Config(method="paper", imu_latency_s=0.3, imu_rest_mps2=0.09, imu_rest_radps=1.4e-3)
+"""As much as the sensor of the made-up runs shows at rest."""
 
 
 def test_late_repeated_and_broken_samples_are_counted_and_left_out() -> None:
