@@ -110,7 +110,7 @@ def pairs(line: Line, tmp_path_factory: pytest.TempPathFactory) -> list[Pair]:
 
 def test_places_of_the_phone_against_the_better_receiver(pairs: list[Pair]) -> None:
     apart = places(pairs)
-    # 3.6 m and 11.5 m today.
+    # 3.2 m and 9.9 m today.
     assert apart["place_median"] <= 4.5
     assert apart["place_p95"] <= 14.0
 
@@ -118,10 +118,9 @@ def test_places_of_the_phone_against_the_better_receiver(pairs: list[Pair]) -> N
 def test_margins_of_the_phone_against_the_better_receiver(pairs: list[Pair]) -> None:
     found = margins(pairs)
     assert found["sections"] == 7
-    # 1.1 points today; 5 of 7 best runs are the same, and the other two cost 1 % more than the cheapest.
+    # 0.5 points today, and the same best run everywhere; with white errors alone it was 1.1 points and 5 of 7.
     assert found["margin_apart_median"] <= 1.2
-    assert found["same_best"] >= 5
-    assert found["choice_dearer_most"] <= 1.5
+    assert found["same_best"] == 7
 
 
 def test_energy_against_what_a_battery_gave() -> None:

@@ -90,3 +90,15 @@ def with_speed(log: RunLog, speed_mps: Floats) -> RunLog:
 def result_of(log: RunLog) -> RunResult:
     """Analysed on the made line."""
     return analyse_run(log, [WAY], LINE.stations, TRAIN)
+
+
+def wandering(n: int, sigma: float, alike_s: float, seed: int) -> Floats:
+    """A first-order Gauss-Markov error, one value a second."""
+    keep = float(np.exp(-1.0 / alike_s))
+    drawn = sigma * np.random.default_rng(seed).standard_normal(n)
+    drawn[1:] *= np.sqrt(1.0 - keep * keep)
+    found = np.empty(n)
+    last = 0.0
+    for k, one in enumerate(drawn.tolist()):
+        found[k] = last = keep * last + one
+    return found

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from services.run_history.run_analysis import analyse_run
 from services.run_history.speed_noise import acceleration_noise_mps2
-from services.run_history.track_smoothing import smoothed
+from services.run_history.track_smoothing import PLACE_WANDER_M, PLACE_WANDER_S, WANDER_S, smoothed
 from services.run_history.traction_energy import excess_of_positive_part, traction_energy
 from services.run_history.vehicle import Vehicle
-from tests.unit.run_history.made_runs import LINE, TRAIN, WAY, made_run
+from tests.unit.run_history.made_runs import LINE, TRAIN, WAY, made_run, wandering
 
 T = np.arange(0.0, 600.0, 1.0)
 STILL = np.zeros(len(T))
@@ -34,15 +34,27 @@ def test_without_noise_nothing_is_taken_off() -> None:
 
 
 @settings(max_examples=15, deadline=None)  # the first example compiles
-@given(noise_mps=st.floats(0.03, 0.4), seed=st.integers(0, 1000))
-def test_the_noise_left_in_the_acceleration_is_told_from_the_residuals(noise_mps: float, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    speed = 20.0 + rng.normal(0.0, noise_mps, len(T))
-    track = smoothed(T, 20.0 * T + rng.normal(0.0, 2.0, len(T)), speed)
+@given(white_mps=st.floats(0.03, 0.3), wander_mps=st.floats(0.1, 0.5), seed=st.integers(0, 1000))
+def test_the_noise_left_in_the_acceleration_is_told_from_the_residuals(
+    white_mps: float, wander_mps: float, seed: int
+) -> None:
+    white = np.random.default_rng(seed).normal(0.0, white_mps, len(T))
+    speed = 20.0 + white + wandering(len(T), wander_mps, WANDER_S, seed + 1)
+    place = 20.0 * T + wandering(len(T), PLACE_WANDER_M, PLACE_WANDER_S, seed + 2)
+    track = smoothed(T, place, speed)
     told = acceleration_noise_mps2(T, speed, track.speed_mps, None)
     seen = float(track.acceleration_mps2[20:-20].std())
-    # Some sixty independent values of the acceleration, weights of Student's t beside the plain smoother: half as much.
+    # Some forty independent values of the acceleration, weights of Student's t beside the plain smoother: half as much.
     assert 0.5 < told / seen < 2.0
+
+
+def test_where_places_are_better_than_assumed_too_much_is_told_rather_than_too_little() -> None:
+    rng = np.random.default_rng(8)
+    speed = 20.0 + rng.normal(0.0, 0.1, len(T))
+    track = smoothed(T, 20.0 * T + rng.normal(0.0, 2.0, len(T)), speed)
+    told = acceleration_noise_mps2(T, speed, track.speed_mps, None)
+    # 0.011 for 0.005 m/s²: either is far below what a train accelerates with.
+    assert float(track.acceleration_mps2[20:-20].std()) < told < 0.015
 
 
 def test_a_window_leaves_the_noise_over_its_width() -> None:
@@ -75,7 +87,8 @@ def test_the_correction_of_a_made_run_is_small_and_grows_with_its_noise() -> Non
     for share in (0.0, 1.0, 3.0):
         leg = analyse_run(made_run(noise=share), [WAY], LINE.stations, TRAIN).legs[0]
         found.append(leg.energy)
-    assert found[0].noise_kwh <= found[1].noise_kwh <= found[2].noise_kwh
+    # The places' part is as it is assumed, whatever they were; the speeds' part grows beyond it.
+    assert max(found[0].noise_kwh, found[1].noise_kwh) < found[2].noise_kwh
     assert 0.0 < found[2].noise_kwh < 0.02 * found[2].traction_kwh
     # Noise three times as large changes the smoothed run itself; the energy stays within one per cent.
     assert found[2].traction_kwh == pytest.approx(found[0].traction_kwh, rel=0.01)
