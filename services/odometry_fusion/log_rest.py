@@ -56,6 +56,8 @@ def parts_of(log: MotionLog, run: Run, known: Shaking | None = None) -> list[Mot
     `known`: what the inertial sensor shows at rest.
     """
     rows = run(log)
+    if not len(rows):
+        return [rows]
     doubt = _doubt_of(log, rows, known)
     if doubt is None:
         return [rows]
@@ -110,7 +112,8 @@ def _watched(log: MotionLog, rest: FirstRest) -> Doubt | None:
     """Take the log's samples block by block, as they would come; the doubt that is left of it."""
     fastest_mps, until_s = 0.0, log.end_s
     for end_s, imu, counts in _blocks(log):
-        rest.take_imu(_ns(log.imu_t_s[imu]), log.imu[imu])
+        whole = np.isfinite(log.imu[imu]).all(axis=1)
+        rest.take_imu(_ns(log.imu_t_s[imu][whole]), log.imu[imu][whole])
         way_m = log.pulses[counts].astype(np.float64) * log.vehicle.metres_per_pulse
         rest.take_way("", _ns(log.tacho_t_s[counts]), way_m)
         if rest.state is Rest.UNSURE:
@@ -138,8 +141,10 @@ def _level_at_stops(log: MotionLog, rows: MotionRows) -> Shaking | None:
     seen: list[Shaking] = []
     for t_s in stopped_s[:: round(WINDOW_S / BLOCK_S)][:MOST_STOPS].tolist():
         within = slice(*np.searchsorted(log.imu_t_s, [t_s - WINDOW_S, t_s]).tolist())
-        if len(log.imu[within]) > 1:
-            seen.append(shaking_of(log.imu[within]))
+        imu = log.imu[within]
+        imu = imu[np.isfinite(imu).all(axis=1)]
+        if len(imu) > 1:
+            seen.append(shaking_of(imu))
     if not seen:
         return None
     force_mps2, rate_radps = np.median(np.array(seen), axis=0).tolist()
@@ -162,12 +167,14 @@ def _never_braked(log: MotionLog, doubt: Doubt) -> bool:
     if np.ptp(log.pulses[counts]) * log.vehicle.metres_per_pulse > WINDOW_S:
         return False
     edges_s = np.arange(doubt.until_s, doubt.since_s, -WINDOW_S)
-    means: list[float] = []
+    felt_mps2: list[float] = []
     for end_s in edges_s.tolist():
         within = slice(*np.searchsorted(log.imu_t_s, [max(end_s - WINDOW_S, doubt.since_s), end_s]).tolist())
-        if len(log.imu[within]):
-            means.append(float(np.mean(log.imu[within, 0])))
-    return bool(means) and max(abs(one - means[0]) for one in means) <= FELT_MPS2
+        forces_mps2 = log.imu[within, 0]
+        forces_mps2 = forces_mps2[np.isfinite(forces_mps2)]
+        if len(forces_mps2):
+            felt_mps2.append(float(np.median(forces_mps2)))
+    return bool(felt_mps2) and max(abs(one - felt_mps2[0]) for one in felt_mps2) <= FELT_MPS2
 
 
 def _cut(log: MotionLog, first_s: float, end_s: float) -> MotionLog:
