@@ -161,7 +161,7 @@ def test_an_import_that_fails_says_why_and_leaves_nothing(tmp_path: Path, argume
 
 def test_check_lists_problems_and_ends_with_1(tmp_path: Path) -> None:
     path = tmp_path / "line.json"
-    faulty = msgspec.structs.replace(DEMO, stations=DEMO.stations[::-1], valid_until="2025-01-01")
+    faulty = msgspec.structs.replace(DEMO, stations=DEMO.stations[::-1], valid_until="2019-01-01")
     path.write_bytes(line_text(faulty))
     result = RUNNER.invoke(app, ["check", str(path)])
     assert result.exit_code == 1
