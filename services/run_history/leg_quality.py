@@ -19,9 +19,11 @@ MOST_ASTRAY_M: Final = 300.0
 MOST_SUDDEN_M: Final = 45.0
 """The same from standstill to shortly after the first speeds: then these do not tell when the train left."""
 SUDDEN_S: Final = 12.0
+LONGEST_BLIND_S: Final = 20.0
+"""From standstill to the first credible speed, or from the last one: phones hold zero for up to 15 s."""
 STANDING_S: Final = 30.0
 OFF_SHARE: Final = 0.2
-APART_MPS: Final = 1.0
+APART_MPS: Final = 1.25
 """Between a measured speed and the smoothed one, which places have a say in …"""
 DERIVED: Final = 0.8
 """What speeds from places alone count beside the other faults: they tell a start to some seconds."""
@@ -44,10 +46,11 @@ class LegEvidence:
     smoothed_mps: Floats
 
 
-def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
+def judged(leg: LegEvidence, ends: Ends, sudden_m: float, blind_s: float) -> tuple[float, str]:
     """Quality from 0 to 1, and why the leg is left out; empty when it counts.
 
-    `sudden_m`: what `sudden_move_m` gave for its start. Times of `ends` are those of the leg's fixes.
+    `sudden_m`: what `sudden_move_m` gave for its start; `blind_s`: the longer of the times between its ends and the
+    credible speeds these were told from. Times of `ends` are those of the leg's fixes.
     """
     under_way = slice(*np.searchsorted(leg.t_s, (ends.departure_s, ends.arrival_s)))
     t_s = leg.t_s[under_way]
@@ -66,6 +69,8 @@ def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
         reasons.append(f"speeds and places disagree by {abs(astray_m):.0f} m of way")
     if abs(sudden_m) > MOST_SUDDEN_M:
         reasons.append(f"speeds and places disagree by {abs(sudden_m):.0f} m at the departure")
+    if blind_s > LONGEST_BLIND_S:
+        reasons.append(f"{blind_s:.0f} s between a stop and the next credible speed")
     if apart > MOST_APART:
         reasons.append(f"{apart:.0%} of its speeds contradict its places")
     if off > OFF_SHARE:
@@ -79,6 +84,7 @@ def judged(leg: LegEvidence, ends: Ends, sudden_m: float) -> tuple[float, str]:
         missing_s / LONGEST_MISSING_S,
         abs(astray_m) / MOST_ASTRAY_M,
         abs(sudden_m) / MOST_SUDDEN_M,
+        blind_s / LONGEST_BLIND_S,
         off / OFF_SHARE,
         apart / MOST_APART,
         0.0 if np.isfinite(leg.measured_mps).any() else DERIVED,

@@ -119,7 +119,7 @@ def _leg_run(run: _Run, leg: Leg, way: Alignment, vehicle: Vehicle) -> LegRun:
         vehicle, t, speed[part], acceleration[part], track.acceleration_sigma_mps2[part], force, run.noise_mps2
     )
     ends = assumed_ends(leg, track.t_s, speed, vehicle.acceleration_mps2, vehicle.deceleration_mps2)
-    sudden_m = 0.0
+    sudden_m = blind_s = 0.0
     if run.average_mps is None:
         derived = bool(np.isfinite(measured_mps[part]).mean() <= ENOUGH_SPEEDS)
         told_mps = speed if derived else measured_mps
@@ -127,8 +127,9 @@ def _leg_run(run: _Run, leg: Leg, way: Alignment, vehicle: Vehicle) -> LegRun:
         halt = halt_of(leg, track.t_s, told_mps, onward_m, derived=derived)
         ends = ends_by_slope(ends, start, halt)
         sudden_m = 0.0 if start is None else sudden_move_m(track.t_s, onward_m, measured_mps, start)
+        blind_s = max((abs(one.still_s - float(track.t_s[one.first])) for one in (start, halt) if one), default=0.0)
     evidence = LegEvidence(t, onward_m[part], measured_mps[part], speed[part])
-    quality, reason = judged(evidence, ends, sudden_m)
+    quality, reason = judged(evidence, ends, sudden_m, blind_s)
     if ends.arrival_s - ends.departure_s < least_time_s(way, leg.start.way_m, leg.end.way_m, vehicle.max_speed_mps):
         quality, reason = 0.0, "; ".join((*([reason] if reason else []), "faster than line and vehicle allow"))
     ends = Ends(*(zero_s + one for one in (ends.departure_s, ends.rising_s, ends.falling_s, ends.arrival_s)))
