@@ -188,6 +188,22 @@ def test_a_start_with_locked_wheels_is_told_and_the_bounds_hold(sound: Chain) ->
     assert "it may be locked" in found.positions[0].reason
 
 
+@pytest.mark.parametrize("speed_mps", [1.8, 2.9])
+def test_a_slow_start_with_locked_wheels_is_told_and_the_bounds_hold(speed_mps: float) -> None:
+    chain = Chain(scenario(), 3, [])
+    chain.run(60.0, until=lambda now: now.speed_mps >= speed_mps)
+    chain.simulation.faults.switch("slide", now_s=chain.simulation.now_s, magnitude=LOCKED_MPS, seconds=2.0 * SLIP_S)
+    chain.run(2.0)
+    # Nothing is known of before, nor how much the sensor is shaken at rest.
+    found = judge_of("odometry and landmarks", facing="up", balises=False, fixes=False)
+    chain.judges, chain.live = [found], LiveOdometry(chain.odometry, "T1", 2, None)
+    chain.run(0.1)
+    chain.tell(known_start(chain, chain.truth[-1].axis_m))
+    chain.run(3.0 * SLIP_S)
+    require_true(chain, found)
+    assert {one.status for one in found.positions} == {"degraded"}
+
+
 def confirmed(position: TrainPosition, chain: Chain, found: Judge) -> bool:
     """Whether a landmark has been met between the restart and a position."""
     return any(one.t_ns <= position.t_ns and one.origin == chain.live.origin for one in found.matches if one.accepted)
