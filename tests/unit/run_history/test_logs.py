@@ -129,7 +129,7 @@ def test_an_empty_folder_is_named(tmp_path: Path) -> None:
 
 
 def test_processes_change_nothing() -> None:
-    runs = [made_run(run_id=str(k)) for k in range(3)]
+    runs = [made_run(run_id=str(k)) for k in range(2)]
     job = Job(LINE, TRAIN, {("A", "B"): 200.0})
     alone = list(analysed_runs(runs, job))
     assert alone == list(analysed_runs(runs, job, 2))
