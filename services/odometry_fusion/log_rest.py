@@ -36,6 +36,7 @@ AFTER_S: Final = 2.0
 VALID_M: Final = 4.99
 VALID_SHARE: Final = 0.05
 """A larger error than this and this share of the way is not stated while the status is `valid`."""
+WIDE: Final = "the wheel may have been locked when the log began: what went unseen then stays in the bound"
 Run = Callable[[MotionLog], MotionRows]
 
 
@@ -200,7 +201,9 @@ def _joined(one: MotionRows, other: MotionRows) -> MotionRows:
         "bound_m": bound_m,
         "curvature_distance_m": float(one.distance_m[-1]) + other.curvature_distance_m - other.distance_m[0],
         "status": np.where(wide, DEGRADED, other.status).astype(np.int8),
-        "reason": np.where(wide, len(one.reasons) - 1, other.reason + len(one.reasons)).astype(np.int16),
+        "reason": np.where(wide, len(one.reasons) + len(other.reasons), other.reason + len(one.reasons)).astype(
+            np.int16
+        ),
     }
     later = replace(other, **columns)
     numbers = max((episode.number for episode in one.episodes), default=0)
@@ -210,7 +213,7 @@ def _joined(one: MotionRows, other: MotionRows) -> MotionRows:
     return replace(
         one,
         **both,
-        reasons=one.reasons + other.reasons,
+        reasons=(*one.reasons, *other.reasons, WIDE),
         episodes=one.episodes + tuple(replace(each, number=each.number + numbers) for each in other.episodes),
     )
 

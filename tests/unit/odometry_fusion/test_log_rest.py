@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from services.odometry_fusion.first_rest import UNVOUCHED
-from services.odometry_fusion.log_rest import joined
+from services.odometry_fusion.log_rest import WIDE, joined
 from services.odometry_fusion.methods import begin, run_log, run_parts
 from services.odometry_fusion.motion_log import DEGRADED, VALID, MotionLog, MotionRows, SixAxes, columns_of
 from services.odometry_fusion.settings import Config
@@ -61,6 +61,7 @@ def test_a_wheel_that_is_released_begins_anew_and_the_bound_holds_all_the_while(
     assert rows.reasons[rows.reason[5]] == UNVOUCHED
     # 15 s at 18 m/s have gone unseen, so that nothing is near until something else tells the place: all stays degraded.
     assert (rows.status == DEGRADED).all()
+    assert rows.reasons[rows.reason[-1]] == WIDE
     assert (np.diff(rows.t_s) > 0.0).all()
     assert (np.diff(rows.excess_m) >= 0.0).all()
     parts = run_parts(log, CONFIG)
