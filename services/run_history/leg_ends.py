@@ -74,15 +74,15 @@ def onset_of(t_s: Floats, speed_mps: Floats, ramp: Ramp) -> Onset | None:
 
     NaN in `speed_mps` is what was not measured. The arrays begin in the stop and go on into the leg.
     """
-    known = np.flatnonzero(np.isfinite(speed_mps))
+    known = np.isfinite(speed_mps).nonzero()[0]
     t, v = t_s[known], speed_mps[known]
-    full = np.flatnonzero(v >= FULL_MPS)
+    full = (v >= FULL_MPS).nonzero()[0]
     last = int(full[0]) if len(full) else len(v)
-    slow = np.flatnonzero(v[:last] < V_RAMP_MPS)
+    slow = (v[:last] < V_RAMP_MPS).nonzero()[0]
     first = int(slow[-1]) + 1 if len(slow) else 0
     past = int(np.searchsorted(t, t[first] + ramp.span_s, side="right")) if first < len(t) else first
     t_fit, v_fit = t[first:past], v[first:past]
-    falls = np.flatnonzero(v_fit[1:] - v_fit[:-1] < -HARDEST_MPS2 * (t_fit[1:] - t_fit[:-1]))
+    falls = (v_fit[1:] - v_fit[:-1] < -HARDEST_MPS2 * (t_fit[1:] - t_fit[:-1])).nonzero()[0]
     past = first + int(falls[0]) + 1 if len(falls) else past
     if past - first < FEWEST:
         return None
@@ -97,6 +97,6 @@ def onset_of(t_s: Floats, speed_mps: Floats, ramp: Ramp) -> Onset | None:
 
 def crossing_s(t_s: Floats, speed_mps: Floats, before: int, after: int) -> float:
     """When the speed passes V_stop between two fixes."""
-    low, high = speed_mps[before], speed_mps[after]
+    low, high = float(speed_mps[before]), float(speed_mps[after])
     share = 0.5 if high == low else (V_STOP_MPS - low) / (high - low)
-    return float(t_s[before] + np.clip(share, 0.0, 1.0) * (t_s[after] - t_s[before]))
+    return float(t_s[before] + min(max(share, 0.0), 1.0) * (t_s[after] - t_s[before]))

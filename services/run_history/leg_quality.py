@@ -54,7 +54,7 @@ def judged(leg: LegEvidence, ends: Ends, sudden_m: float, blind_s: float) -> tup
     """
     under_way = slice(*np.searchsorted(leg.t_s, (ends.departure_s, ends.arrival_s)))
     t_s = leg.t_s[under_way]
-    gap_s = float(np.max(np.diff(t_s), initial=0.0))
+    gap_s = float(np.max(t_s[1:] - t_s[:-1], initial=0.0))
     missing_s = longest_missing_s(t_s, leg.measured_mps[under_way])
     astray_m = astray(leg)
     off = 1.0 - float(np.isfinite(leg.place_m).mean())
@@ -136,4 +136,4 @@ def longest_missing_s(t_s: Floats, measured_mps: Floats) -> float:
 
 
 def _way_m(t_s: Floats, speed_mps: Floats) -> Floats:
-    return np.concatenate(([0.0], np.cumsum(0.5 * (speed_mps[1:] + speed_mps[:-1]) * np.diff(t_s))))
+    return np.concatenate(([0.0], np.cumsum(0.5 * (speed_mps[1:] + speed_mps[:-1]) * (t_s[1:] - t_s[:-1]))))

@@ -105,7 +105,7 @@ def start_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats, *, deriv
     past = min(leg.last + 1, int(np.searchsorted(t_s, t_s[leg.first] + ASIDE_S)))
     near, stop_fixes = slice(begin, past), leg.start.last + 1 - begin
     onset = _onset(t_s[near], speed_mps[near], place_m[near], stop_fixes, _ramp(START, derived), START_SIGMA_S)
-    return None if onset is None else replace(onset, first=begin + onset.first)
+    return None if onset is None else Onset(onset.still_s, onset.stop_speed_s, begin + onset.first, onset.slope_mps2)
 
 
 def halt_of(leg: Leg, t_s: Floats, speed_mps: Floats, place_m: Floats, *, derived: bool = False) -> Onset | None:
@@ -131,7 +131,7 @@ def _onset(
     if onset is None:
         return None
     early_s = earlier_s(t_s, place_m, speed_mps, onset.first, stop_fixes, onset.slope_mps2, sigma_s)
-    return replace(onset, still_s=onset.still_s - early_s)
+    return Onset(onset.still_s - early_s, onset.stop_speed_s, onset.first, onset.slope_mps2)
 
 
 def ends_by_slope(assumed: Ends, start: Onset | None, halt: Onset | None) -> Ends:

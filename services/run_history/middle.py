@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 def median_of(values: NDArray[np.float64]) -> float:
     """Median of one value or more, none of them NaN; any shape. Raises IndexError for none."""
-    ordered = np.sort(values, axis=None)
+    ordered = values.flatten()
+    ordered.sort()
     half = len(ordered) // 2
     return float(ordered[half]) if len(ordered) % 2 else 0.5 * (float(ordered[half - 1]) + float(ordered[half]))

@@ -33,7 +33,7 @@ def earlier_s(
     first `stop_fixes` are of the stop; `sigma_s`: how far the ramp alone may be off.
     """
     past = int(np.searchsorted(t_s, t_s[first] + SEEN_S, side="right"))
-    seen = first + np.flatnonzero(np.isfinite(place_m[first:past] + speed_mps[first:past]))
+    seen = first + np.isfinite(place_m[first:past] + speed_mps[first:past]).nonzero()[0]
     before_s = t_s[first] - t_s[:stop_fixes]
     stood = place_m[:stop_fixes][(before_s >= STANDING_S[0]) & (before_s <= STANDING_S[1])]
     stood = stood[np.isfinite(stood)]

@@ -10,6 +10,7 @@ changes from fix to fix. A mean over a window w, differentiated, leaves s²/w².
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import exp, sqrt
 from typing import Final
 
@@ -46,7 +47,7 @@ def acceleration_noise_mps2(t_s: Floats, measured_mps: Floats, smoothed_mps: Flo
     whole = (1.483 * median_of(np.abs(apart_mps))) ** 2
     if window_s is not None:
         return sqrt(whole) / window_s
-    step_s = median_of(np.diff(t_s))
+    step_s = round(median_of(np.diff(t_s)), 3)
     # Neighbours differ by twice the white part and by what the wandering part changes in a step.
     changed = 0.5 * (1.483 * median_of(np.abs(np.diff(apart_mps)))) ** 2
     keep = exp(-step_s / WANDER_S)
@@ -55,6 +56,7 @@ def acceleration_noise_mps2(t_s: Floats, measured_mps: Floats, smoothed_mps: Flo
     return sqrt(of_white**2 * white + of_wander**2 * (whole - white) + of_places**2 * (whole > 0.0))
 
 
+@lru_cache(maxsize=64)
 def left_mps2(step_s: float) -> tuple[float, float, float]:
     """What the smoother leaves in the acceleration at so many seconds a fix, as standard deviations [m/s²].
 

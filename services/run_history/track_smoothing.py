@@ -83,10 +83,14 @@ def _smooth(t_s: Floats, way_m: Floats, speed_mps: Floats, out: Floats) -> None:
     x, p = np.empty((n, STATES)), np.empty((n, STATES, STATES))
     taken = np.empty((n, 2, STATES + 2))
     weight = np.ones((n, 2))
+    kept = np.zeros((n, 2))
+    for i in range(1, n):
+        dt = t_s[i] - t_s[i - 1]
+        kept[i, 0], kept[i, 1] = np.exp(-dt / WANDER_S), np.exp(-dt / PLACE_WANDER_S)
     place_sigma_m = FIRST_PLACE_SIGMA_M
     for number in range(PASSES):
-        _forward(t_s, way_m, speed_mps, place_sigma_m, weight, x, p, taken)
-        _backward(t_s, speed_mps, p, taken, x, out, number == PASSES - 1)
+        _forward(t_s, way_m, speed_mps, kept, place_sigma_m, weight, x, p, taken)
+        _backward(t_s, speed_mps, kept, p, taken, x, out, number == PASSES - 1)
         place_sigma_m = max(PLACE_SIGMA_M, 0.5 * place_sigma_m)
         for i in range(n):
             if np.isfinite(way_m[i]):
@@ -105,6 +109,7 @@ def _forward(
     t_s: Floats,
     way_m: Floats,
     speed_mps: Floats,
+    kept: Floats,
     place_sigma_m: float,
     weight: Floats,
     x: Floats,
@@ -113,7 +118,8 @@ def _forward(
 ) -> None:
     """States (x) and covariances (p) before each fix, and what its measurements did: gain, 1/variance, innovation.
 
-    `taken` (n, 2, 7): place and speed of a fix; 1/variance is 0 where there was none.
+    `kept` (n, 2): what is left of both errors since the fix before. `taken` (n, 2, 7): place and speed of a fix;
+    1/variance is 0 where there was none.
     """
     state, cov, row = np.zeros(STATES), np.zeros((STATES, STATES)), np.empty(STATES)
     for i in range(t_s.size):
@@ -121,7 +127,7 @@ def _forward(
         if dt >= RESTART_S:
             _start(way_m, speed_mps, i, state, cov)
         else:
-            _predict(dt, state, cov)
+            _predict(dt, kept[i, 0], kept[i, 1], state, cov)
         x[i] = state
         p[i] = cov
         taken[i] = 0.0
@@ -155,10 +161,9 @@ def _start(way_m: Floats, speed_mps: Floats, first: int, state: Floats, cov: Flo
 
 
 @inner_kernel
-def _predict(dt: float, state: Floats, cov: Floats) -> None:
-    """F x and F P Fᵀ + Q over `dt`: jerk, and what the errors forget and gain anew."""
+def _predict(dt: float, keep: float, keep_place: float, state: Floats, cov: Floats) -> None:
+    """F x and F P Fᵀ + Q over `dt`: jerk, and what the errors keep and gain anew."""
     half = 0.5 * dt * dt
-    keep, keep_place = np.exp(-dt / WANDER_S), np.exp(-dt / PLACE_WANDER_S)
     state[WAY] += dt * state[SPEED] + half * state[ACCELERATION]
     state[SPEED] += dt * state[ACCELERATION]
     state[SPEED_ERROR] *= keep
@@ -214,6 +219,7 @@ def _take(
 def _backward(
     t_s: Floats,
     speed_mps: Floats,
+    kept: Floats,
     p: Floats,
     taken: Floats,
     x: Floats,
@@ -241,7 +247,7 @@ def _backward(
             later[:] = 0.0
             spread[:] = 0.0
         else:
-            _step_back(dt, later, spread, last)
+            _step_back(dt, kept[i, 0], kept[i, 1], later, spread, last)
 
 
 @inner_kernel
@@ -292,10 +298,16 @@ def _give_back(
 
 
 @inner_kernel
-def _step_back(dt: float, later: Floats, spread: Floats, last: bool) -> None:  # noqa: FBT001 - kernels take no keywords
+def _step_back(
+    dt: float,
+    keep: float,
+    keep_place: float,
+    later: Floats,
+    spread: Floats,
+    last: bool,  # noqa: FBT001 - kernels take no keywords
+) -> None:
     """Fᵀ λ and Fᵀ Λ F over `dt`."""
     half = 0.5 * dt * dt
-    keep, keep_place = np.exp(-dt / WANDER_S), np.exp(-dt / PLACE_WANDER_S)
     later[2] += half * later[0] + dt * later[1]
     later[1] += dt * later[0]
     later[3] *= keep

@@ -74,21 +74,21 @@ def traction_energy(
     drives = force > 0.0
     # Trapezia: each fix counts for half of the steps beside it.
     weight = np.zeros(len(t_s))
-    weight[1:] = np.diff(t_s)
+    weight[1:] = t_s[1:] - t_s[:-1]
     weight[:-1] += weight[1:]
     way_kwh = 0.5 / JOULE_PER_KWH * weight * speed_mps
     driving, braking = np.where(drives, way_kwh, 0.0), np.where(drives, 0.0, way_kwh)
 
-    noise = float(np.sum(way_kwh * excess_of_positive_part(force, mass * acceleration_noise_mps2)))
-    raw = float(np.sum(driving * force))
+    noise = float(way_kwh @ excess_of_positive_part(force, mass * acceleration_noise_mps2))
+    raw = float(driving @ force)
     noise = min(noise, raw)
     wheel = raw - noise
     duration_s = max(float(t_s[-1] - t_s[0]), 1.0)
     alike = sqrt(min(1.0, CORRELATION_S / duration_s))
-    unsure = float(np.sum(driving * acceleration_sigma_mps2)) * mass * alike
+    unsure = float(driving @ acceleration_sigma_mps2) * mass * alike
     parts = _parts(driving, pulled, resistance)
     spread = hypot(*parts, unsure, wheel * EFFICIENCY_SHARE, noise * NOISE_SHARE)
-    back = -float(np.sum(braking * force))
+    back = -float(braking @ force)
     back_spread = hypot(*_parts(braking, pulled, resistance), back * REGENERATION_SHARE)
     factor = vehicle.calibration / vehicle.line_to_wheel
     auxiliaries = vehicle.auxiliaries * duration_s / 3600.0
@@ -107,7 +107,7 @@ def traction_energy(
 
 def _parts(way_kwh: Floats, pulled_n: Floats, resistance_n: Floats) -> tuple[float, float]:
     """Standard deviations [kWh] from mass and from resistance."""
-    return float(np.sum(way_kwh * pulled_n)) * MASS_SHARE, float(np.sum(way_kwh * resistance_n)) * RESISTANCE_SHARE
+    return float(way_kwh @ pulled_n) * MASS_SHARE, float(way_kwh @ resistance_n) * RESISTANCE_SHARE
 
 
 def excess_of_positive_part(force_n: Floats, noise_n: float) -> Floats:

@@ -189,7 +189,8 @@ def test_one_command_makes_the_report_of_a_folder_of_gpx_files(made: Path, tmp_p
 def test_places_that_leave_the_monitor_record_are_said(made: Path, tmp_path: Path) -> None:
     monitor = tmp_path / "monitor.csv"
     lines = (made / "runs_log.csv").read_text("utf-8").splitlines()
-    told, first_s = [lines[0]], {}
+    told = [lines[0]]
+    first_s: dict[str, float] = {}
     for line in lines[1:]:
         t, lat, lon, speed, run = line.split(",")
         zero_s = first_s.setdefault(run, float(t))
