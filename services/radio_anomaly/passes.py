@@ -11,6 +11,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from services.radio_anomaly.held_places import FASTEST_MPS, placed_by_time
 from services.radio_anomaly.reading import Reading
 from services.radio_anomaly.settings import Settings
 
@@ -141,6 +142,7 @@ def binned(readings: Sequence[Reading], settings: Settings, pass_id: str = "") -
     if not readings:
         msg = "a pass without readings"
         raise ValueError(msg)
+    readings = placed_by_time(readings)
     sums: defaultdict[tuple[str, str, str, int, str], list[float]] = defaultdict(lambda: [0.0, 0.0])
     totals: Counter[tuple[str, str, str, int]] = Counter()
     heard: set[tuple[str, str, int]] = set()
@@ -194,6 +196,5 @@ def _passed(readings: Sequence[Reading], settings: Settings) -> tuple[int, ...]:
     return tuple(sorted(found))
 
 
-FASTEST_MPS: Final = 100.0
 SLOWEST_MPS: Final = 1.0
 """A train that took longer over a gap stood meanwhile, perhaps switched off: nothing was expected of its radio."""

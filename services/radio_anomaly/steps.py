@@ -13,6 +13,9 @@ from services.radio_anomaly.window_test import WHOLE, PassTest, Residuals, Windo
 
 BEFORE = 2
 """Earlier passes over a window that are remembered."""
+LASTING_SHARE = 0.5
+"""Of the learned means' error, what is the same on every pass: that of the passes which were learned. The rest is the
+serving cell's own, which may be another one next time."""
 
 Stream = tuple[str, str, str]
 """Quantity, radio, channel."""
@@ -107,7 +110,7 @@ def _judge(
     stream: Stream, one: WindowSum, before: tuple[tuple[float, float], ...], settings: Settings, least: float
 ) -> Finding | None:
     sign = math.copysign(1.0, one.pull)
-    pull, information = one.pull, one.information
+    pull, information, squares = one.pull, one.information, one.information**2
     alone = abs(pull) / math.sqrt(information)
     enough = abs(pull / information) >= least
     best = (alone, pull / information, 1, alone >= settings.certain_score and enough)
@@ -118,7 +121,9 @@ def _judge(
             break
         pull += earlier_pull
         information += earlier_information
-        together = abs(pull) / math.sqrt(information)
+        squares += earlier_information**2
+        lasting = LASTING_SHARE * one.lasting_variance * (1.0 - squares / information**2)
+        together = abs(pull / information) / math.sqrt(1.0 / information + lasting)
         if together >= settings.confirmed_score and abs(pull / information) >= least and together > best[0]:
             best = (together, pull / information, number, True)
     score, change, passes, confirmed = best

@@ -7,7 +7,8 @@ of a window, marked by d, the best estimate and its variance (Aitken 1935) are
 
     δ = dᵀK⁻¹r / dᵀK⁻¹d,   var δ = 1 / dᵀK⁻¹d.
 
-Both sums add up over independent passes, so three passes are one estimate.
+Both sums add up over passes, so three passes are one estimate. What they share is the error of the learned means:
+its part of var δ, m = (K⁻¹d)ᵀM(K⁻¹d) / (dᵀK⁻¹d)² with M the covariance of that error, does not fade with their number.
 """
 
 from __future__ import annotations
@@ -65,6 +66,8 @@ class WindowSum(msgspec.Struct, frozen=True, gc=False):
     pull: float
     information: float
     observed: int
+    lasting_variance: float = 0.0
+    """Of the part of δ's variance that the error of the learned means makes: it is much the same on the next pass."""
 
 
 class PassTest:
@@ -84,11 +87,14 @@ class PassTest:
         mean_shape[np.diag_indices(len(self.sections))] = 1.0
         passing = correlation.inflation * np.sqrt(residuals.variance)
         mean_error = correlation.inflation * np.sqrt(residuals.mean_variance)
-        inverse = np.linalg.inv(shape * np.outer(passing, passing) + mean_shape * np.outer(mean_error, mean_error))
+        mean_covariance = mean_shape * np.outer(mean_error, mean_error)
+        inverse = np.linalg.inv(shape * np.outer(passing, passing) + mean_covariance)
         count = len(self.sections)
         self._pull = np.concatenate([[0.0], np.cumsum(inverse @ clipped)])
         self._information = np.zeros((count + 1, count + 1))
         self._information[1:, 1:] = inverse.cumsum(0).cumsum(1)
+        self._lasting = np.zeros((count + 1, count + 1))
+        self._lasting[1:, 1:] = (inverse @ mean_covariance @ inverse).cumsum(0).cumsum(1)
         shared = residuals.mean_variance.mean() / count + correlation.whole * residuals.variance.mean() / max(
             float(residuals.passes.mean()), 1.0
         )
@@ -103,13 +109,19 @@ class PassTest:
             float(info[past, past] - info[first, past] - info[past, first] + info[first, first]),
         )
 
+    def lasting(self, first: int, past: int) -> float:
+        """Their (K⁻¹d)ᵀM(K⁻¹d): over the square of the information it is what lasts of the variance."""
+        sums = self._lasting
+        return float(sums[past, past] - sums[first, past] - sums[past, first] + sums[first, first])
+
     def window(self, start: int, length: int) -> WindowSum | None:
         """Sums of a window of sections; None unless half of it was observed."""
         first, past = np.searchsorted(self.sections, (start, start + length))
         if past - first < max(1, (length + 1) // 2):
             return None
         pull, information = self.over(int(first), int(past))
-        return WindowSum(start, length, pull, information, int(past - first))
+        lasting = self.lasting(int(first), int(past)) / information**2
+        return WindowSum(start, length, pull, information, int(past - first), lasting)
 
     def windows(self, lengths: tuple[int, ...]) -> Iterator[WindowSum]:
         """Every window that half was observed of."""
@@ -123,10 +135,23 @@ class PassTest:
             enough = past - first >= max(1, (length + 1) // 2)
             starts, first, past = starts[enough], first[enough], past[enough]
             pull = self._pull[past] - self._pull[first]
-            info = self._information
-            information = info[past, past] - info[first, past] - info[past, first] + info[first, first]
+            information = _block(self._information, first, past)
+            lasting = _block(self._lasting, first, past) / information**2
             for k in range(len(starts)):
-                yield WindowSum(int(starts[k]), length, float(pull[k]), float(information[k]), int(past[k] - first[k]))
+                yield WindowSum(
+                    int(starts[k]),
+                    length,
+                    float(pull[k]),
+                    float(information[k]),
+                    int(past[k] - first[k]),
+                    float(lasting[k]),
+                )
+
+
+def _block(sums: Floats, first: NDArray[np.int64], past: NDArray[np.int64]) -> Floats:
+    """Of running sums over rows and columns, what lies between."""
+    found: Floats = sums[past, past] - sums[first, past] - sums[past, first] + sums[first, first]
+    return found
 
 
 def cut(scores: Floats) -> Floats:
@@ -148,7 +173,9 @@ def whole_sum(tests: Sequence[PassTest]) -> WindowSum | None:
     if count < LEAST_WHOLE:
         return None
     sums = [test.over(0, len(test.sections)) for test in tests]
-    return WindowSum(0, WHOLE, sum(pull for pull, _ in sums), sum(info for _, info in sums), count)
+    information = sum(info for _, info in sums)
+    lasting = sum(test.lasting(0, len(test.sections)) for test in tests) / information**2
+    return WindowSum(0, WHOLE, sum(pull for pull, _ in sums), information, count, lasting)
 
 
 def pass_tests(residuals: Residuals, correlation: Correlation, *, site: bool) -> tuple[PassTest, ...]:

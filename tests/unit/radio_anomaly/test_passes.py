@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.radio_anomaly.held_places import placed_by_time
 from services.radio_anomaly.passes import binned, day_of, plain, section_of, sorted_passes, transformed
 from services.radio_anomaly.reading import Reading, refusal_of
 from tests.unit.radio_anomaly.made_up import BEGIN_NS, DAY_NS, SETTINGS, at, one_pass
@@ -100,3 +101,37 @@ def test_a_site_without_place_is_cut_into_periods() -> None:
     assert [len(one) for one in passes] == [10, 10, 5]
     assert binned(passes[1], SETTINGS).pass_id == "2026-01-05T08:10:00Z"
     assert day_of(BEGIN_NS) == "2026-01-05"
+
+
+def held(every: int, *, speed_mps: float = 12.5) -> list[Reading]:
+    """A pass at an even speed, a reading a second, whose place is told at every so many only."""
+    rows = [at(one_pass(0)[0], t_ns=BEGIN_NS + k * 10**9, chainage_m=k * speed_mps) for k in range(160)]
+    return [at(one, chainage_m=rows[k - k % every].chainage_m) for k, one in enumerate(rows)]
+
+
+@given(st.integers(1, 20), st.floats(5.5, 90.0))
+def test_a_place_that_is_repeated_goes_on_with_time(every: int, speed_mps: float) -> None:
+    found = placed_by_time(held(every, speed_mps=speed_mps))
+    last = (len(found) - 1) // every * every
+    for k, one in enumerate(found[: last + 1]):
+        # Of kilometres, in double precision.
+        assert one.chainage_m == pytest.approx(k * speed_mps, abs=1e-6)
+    assert {one.chainage_m for one in found[last:]} == {last * speed_mps}, "nobody knows where the train went on to"
+
+
+def test_places_of_their_own_and_those_of_a_train_that_stood_stay() -> None:
+    assert placed_by_time(held(1)) == held(1)
+    crawling = held(8, speed_mps=2.0)
+    assert placed_by_time(crawling) == crawling
+    several = [at(one, radio=radio) for one in held(1) for radio in ("W1", "W2")]
+    assert placed_by_time(several) == several, "radios measured at one time share a place"
+
+
+def test_a_step_of_power_stays_where_it_is_when_places_are_held() -> None:
+    def powers(every: int) -> dict[int, float]:
+        rows = [at(one, power_dbm=-60.0 if k < 80 else -90.0) for k, one in enumerate(held(every))]
+        return {one.section: one.value for one in binned(rows, SETTINGS).bins if one.quantity == "power"}
+
+    # The last hold of a pass is left out: it has no next place.
+    steady, jumping = powers(1), powers(9)
+    assert {s: v for s, v in jumping.items() if s < 19} == pytest.approx({s: v for s, v in steady.items() if s < 19})

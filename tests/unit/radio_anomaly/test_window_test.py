@@ -35,6 +35,21 @@ def test_running_sums_are_the_generalised_least_squares_estimate(count: int, see
         assert one.pull == pytest.approx(marked @ inverse @ residuals.residual, rel=1e-7, abs=1e-9)
         assert one.information == pytest.approx(marked @ inverse @ marked, rel=1e-7)
         assert one.observed == marked.sum()
+        weights = inverse @ marked / one.information
+        mean_covariance = mean_shape * np.outer(mean_error, mean_error)
+        assert one.lasting_variance == pytest.approx(weights @ mean_covariance @ weights, rel=1e-6, abs=1e-12)
+
+
+def test_the_error_of_the_learned_means_lasts_over_all_of_a_pass_in_pieces() -> None:
+    count = CHUNK + 100
+    residuals = Residuals(np.arange(count), np.ones(count), np.full(count, 0.5), np.full(count, 4.0), np.ones(count))
+    alone = Correlation(whole=0.0, near=0.0)
+    whole = whole_sum([PassTest(part, alone) for part in chunks(residuals)])
+    part = PassTest(residuals, alone).windows((10,))
+    assert whole is not None
+    assert 0.0 < whole.lasting_variance < 1.0 / whole.information
+    # Errors of means fade over ten sections, so that they average out over five hundred but not over ten.
+    assert next(part).lasting_variance > 5.0 * whole.lasting_variance
 
 
 def test_the_score_of_independent_sections_is_the_mean_over_its_error() -> None:
