@@ -118,6 +118,13 @@ def pulse_by_pulse(teeth: int) -> Callable[[Case], Case]:
     return spoil
 
 
+def rows_of_four(case: Case) -> Case:
+    """A counter that reports every fourth pulse when it comes, counting all of them."""
+    spoilt = pulse_by_pulse(4)(case)
+    log = spoilt.log
+    return Case(replace(log, pulses=4 * log.pulses, pulses_per_revolution=case.log.pulses_per_revolution), spoilt.truth)
+
+
 def halved(case: Case) -> Case:
     """Inertial samples at half the rate, means of two."""
     log, pairs = case.log, len(case.log.imu_t_s) // 2
@@ -140,6 +147,7 @@ VARIANTS: dict[str, Callable[[Case], Case]] = {
     "wheel stated 2 % too small": wheel(0.98),
     "a row per pulse": pulse_by_pulse(1),
     "a row per pulse, 8 times fewer teeth": pulse_by_pulse(8),
+    "a row per four pulses": rows_of_four,
     "inertial samples at 50 Hz": halved,
 }
 

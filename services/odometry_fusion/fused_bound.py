@@ -25,6 +25,9 @@ CALM_TICKS: Final = 20
 WILD_BEFORE_TICKS: Final = 10
 TAME_S: Final = 8.0
 TURNING_MPS: Final = 1.0
+BROKEN_LATE_S: Final = 3.0
+BROKEN_LATE_M: Final = 1.5
+"""A slip that came to so much before the rim did what no train could: that it did does not prove the rest."""
 CONTESTED_M: Final = 0.5
 CONTESTED_FACTOR: Final = 1.05
 """What was lost before the slip was seen, and wear, beside what wheel and inertial sensor disagree on."""
@@ -34,6 +37,11 @@ FIRST_WAIT_S: Final = 1.0
 """The accounts begin so late, and are brought over the latency."""
 LONG_SLIP_S: Final = 15.0
 """From then on wheel and inertial solution are both vouched for."""
+PLAIN_SHARE: Final = 0.02
+PLAIN_M: Final = 0.01
+"""While all is calm the way follows the wheel to within so much per tick."""
+PLAIN_CHANGE_M: Final = 0.3
+"""The believed account itself changes by less in a tick."""
 ETCS_M: Final = 5.0
 ETCS_SHARE: Final = 0.05
 """Accuracy of distance that ETCS asks for (SUBSET-041)."""
@@ -52,7 +60,7 @@ def provisional(branches: Branches, now: Record) -> float:
     for i in range(now.branches):
         if branches.about[i].log_weight > LIKELY_LOG:
             apart_m = max(apart_m, abs(branches.x[i, D] - best[D]))
-    return float(FACTOR * np.sqrt(gained) + apart_m)
+    return float(FACTOR * np.sqrt(gained) + apart_m + doubted(branches, now))
 
 
 @kernel
@@ -63,13 +71,24 @@ def contested(branches: Branches, now: Record, dt_s: float) -> float:
     """
     own = branches.about[now.best]
     if own.mode == ADHERING:
-        return 0.0
+        return doubted(branches, now)
     tame_s = (now.tick - max(now.wild_tick, own.slip_since)) * dt_s
+    known_s = (now.tick - own.since) * dt_s
     never_wild = now.wild_tick < own.slip_since - WILD_BEFORE_TICKS
-    long = (now.tick - own.since) * dt_s > LONG_SLIP_S
-    if long or never_wild or (tame_s > TAME_S and abs(now.rim_mps) > TURNING_MPS):
-        return CONTESTED_M + CONTESTED_FACTOR * abs(lost_way(branches, now))
-    return 0.0
+    long = known_s > LONG_SLIP_S
+    broken_late = never_wild and known_s > BROKEN_LATE_S and abs(lost_way(branches, now)) > BROKEN_LATE_M
+    if broken_late or (tame_s > TAME_S and abs(now.rim_mps) > TURNING_MPS):
+        own.tame = 1
+    if long or never_wild or own.tame:
+        return float(CONTESTED_M + CONTESTED_FACTOR * abs(lost_way(branches, now)) + own.doubt_m)
+    return float(own.doubt_m)
+
+
+@kernel
+def doubted(branches: Branches, now: Record) -> float:
+    """What wheel and inertial sensor disagreed on in slips that ended without either being confirmed [m]."""
+    own = branches.about[now.best]
+    return float(own.doubt_m + (abs(lost_way(branches, now)) if own.free else 0.0))
 
 
 @kernel
@@ -110,16 +129,29 @@ def settle(branches: Branches, now: Record) -> None:
     if now.calm < CALM_TICKS:
         return
     variance = branches.p[now.best, D, D]
+    x = branches.x[now.best]
+    rolled_m = x[W] - now.calm_w_m
+    if not now.unsettled:
+        against_m = abs(x[D] - now.calm_d_m - rolled_m)
+        now.excess_m += max(0.0, against_m - PLAIN_SHARE * abs(rolled_m) - PLAIN_M)
     if now.unsettled:
-        own = branches.about[now.best]
-        now.excess_m += LEFT_M + FACTOR * np.sqrt(max(0.0, variance - now.settled_var))
-        if own.free:
-            now.excess_m += abs(lost_way(branches, now))
-            now.contested_m += abs(lost_way(branches, now))
-            own.free = 0
+        doubt_m = doubted(branches, now)
+        now.excess_m += LEFT_M + FACTOR * np.sqrt(max(0.0, variance - now.settled_var)) + doubt_m
+        now.contested_m += doubt_m
+        for i in range(now.branches):
+            branches.about[i].doubt_m, branches.about[i].free = 0.0, 0
         now.unsettled = 0
     now.settled_var = variance
     now.calm_d_m, now.calm_w_m = branches.x[now.best, D], branches.x[now.best, W]
+
+
+@kernel
+def own_up(branches: Branches, now: Record, dt_s: float) -> None:
+    """Own what going over to another account changes of the way beyond what was vouched for."""
+    x = branches.x[now.best]
+    changed_m = now.scale * abs(x[D] - now.followed_m)
+    now.excess_m += max(0.0, changed_m - max(now.vouched_m, PLAIN_CHANGE_M))
+    now.followed_m = x[D] + x[V] * dt_s
 
 
 @kernel

@@ -35,6 +35,8 @@ FIRST_WALK: Final = 0.15**2
 FIRST_SLIP_MPS: Final = 0.05
 END_SLIP_MPS: Final = 0.08
 """Slip speed at the very beginning and end of a slip."""
+LOOSE_VAR: Final = 0.4**2
+"""An inertial speed that is known less well says nothing of whether a slip has ended."""
 LEAST_MPS: Final = 0.8
 """Slower, neither train nor wheel, no slip begins."""
 KNOWN_SPEED_VAR: Final = 0.2**2
@@ -68,9 +70,11 @@ def begin_slip(branches: Branches, source: int, target: int, tick: int, effort_m
     own, x = branches.about[target], branches.x[target]
     own.mode, own.since, own.slip_since = SLIPPING, tick, tick
     own.log_weight += BEGIN_LOG
-    own.walk, own.top_mps, own.free, own.first = FIRST_WALK, 0.0, 0, 0
+    if own.free:
+        own.doubt_m += abs((x[D] - own.slip_d_m) - (x[W] - own.slip_w_m))
+    own.walk, own.top_mps, own.free, own.first, own.tame = FIRST_WALK, 0.0, 0, 0, 0
     own.slip_d_m, own.slip_w_m = x[D], x[W]
-    own.effort_mps2 = effort_mps2
+    own.effort_mps2, own.loose_var = effort_mps2, 0.0
     branches.p[target, U, U] += FIRST_SLIP_MPS**2
 
 
@@ -92,6 +96,8 @@ def end_slip(branches: Branches, source: int, target: int, tick: int, creep_var:
     if source != target:
         copy_branch(branches, source, target)
     own = branches.about[target]
+    if own.loose_var > LOOSE_VAR:
+        own.free = 1
     variance = END_SLIP_MPS**2 + creep_var
     spread = branches.p[target, U, U] + variance
     slip_mps = branches.x[target, U]
@@ -135,7 +141,7 @@ def branch_out(branches: Branches, now: Record, begins: bool, dt_s: float) -> No
     target = count
     known = adhering >= 0 and branches.p[adhering, V, V] < KNOWN_SPEED_VAR
     if known and begins and max(abs(now.rim_mps), abs(branches.x[adhering, V])) > LEAST_MPS:
-        begin_slip(branches, adhering, target, tick, now.effort_mps2)
+        begin_slip(branches, adhering, target, tick, now.effort_mps2 if now.proven else 0.0)
         target += 1
     for i in range(count):
         own = branches.about[i]

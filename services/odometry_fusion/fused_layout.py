@@ -54,10 +54,12 @@ BRANCH: Final[np.dtype[Any]] = np.dtype([
     # tick at which the mode began, and its latest slip
     ("since", np.int64),
     ("slip_since", np.int64),
-    # the wheel's speed was taken over against the inertial one when the slip ended
+    # when the slip ended the wheel's speed was taken over against the inertial one, or that was hardly known
     ("free", np.int64),
     # the account that the wheels slipped when all began
     ("first", np.int64),
+    # in its latest slip the rim has long run as a train does
+    ("tame", np.int64),
     *(
         (name, np.float64)
         for name in (
@@ -70,6 +72,10 @@ BRANCH: Final[np.dtype[Any]] = np.dtype([
             "slip_w_m",
             # effort at the wheels then [m/s²]
             "effort_mps2",
+            # way on which wheel and inertial sensor differed in slips whose end settled nothing [m]
+            "doubt_m",
+            # largest variance of its speed in its latest slip
+            "loose_var",
         )
     ),
 ])  # fmt: skip
@@ -116,6 +122,10 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             # the inertial sensor is turned about the vertical; tick at which the rim was last wild
             "turned",
             "wild_tick",
+            # the rim has been wild, and has not turned calmly since
+            "broken",
+            # x has shown the wheel's acceleration since the sensors last contradicted each other
+            "proven",
         )
     ),
     *(
@@ -193,6 +203,9 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             # D and W when all was last calm
             "calm_d_m",
             "calm_w_m",
+            # what was vouched for before going over to another account, and where the train was then [m]
+            "vouched_m",
+            "followed_m",
         )
     ),
 ])  # fmt: skip

@@ -11,6 +11,7 @@ from services.odometry_fusion.fused_bound import (
     allowed,
     contested,
     lost_way,
+    own_up,
     provisional,
     settle,
     unconfirmed,
@@ -104,6 +105,7 @@ def publish(
         return count
     _calm(now, blind, silent)
     settle(branches, now)
+    own_up(branches, now, PERIOD_S)
     count = _episodes(row, rule, now, branches, events, count)
     _motion(tick, rule, now, branches, stands, silent, out)
     if blind and not stands:
@@ -117,6 +119,7 @@ def publish(
     reason, status = _judge(now, blind, silent, unconfirmed_m > 0.0)
     contested_m = max(contested_m, unconfirmed_m)
     provisional_m = max(contested_m, now.scale * provisional(branches, now))
+    now.vouched_m = provisional_m
     _bound(rule, now, provisional_m, contested_m, reason, status, out)
     return count
 
@@ -126,6 +129,7 @@ def _judge(now: Record, blind: bool, silent: bool, doubted: bool) -> tuple[int, 
     """Reason and status, but for what the bound says."""
     if silent:
         return (NO_SENSOR, LOST) if blind else (NO_PULSES, DEGRADED)
+    slides = blind and now.broken > 0
     for holds, reason in (
         (now.turned > 0, TURNED),
         (now.distrust_s > 0.0, CONTRADICTED),
@@ -135,7 +139,7 @@ def _judge(now: Record, blind: bool, silent: bool, doubted: bool) -> tuple[int, 
         (doubted, UNCONFIRMED),
     ):
         if holds:
-            return reason, DEGRADED
+            return reason, LOST if slides else DEGRADED
     return (FINE if now.slip == 0 else IN_SLIP), VALID
 
 

@@ -78,6 +78,8 @@ FIRST_QUIET: Final = 0.05
 LEAST_QUIET: Final = 0.01
 """Share of the noise seen from mean to mean that adds up over time: all of it if it is white, little of it if it
 is vibration."""
+LEAST_QUIET_SLIPPING: Final = 0.05
+"""Of the pitch rate in a slip: no wheel is there to contradict, and vibration that is white adds up."""
 AGREEING_TICKS: Final = 20
 MOVING_MPS: Final = 3.0
 LEAST_WALK: Final = 0.04
@@ -90,6 +92,8 @@ PLAIN_SLIP_MPS: Final = 0.25
 """A slip has shown above this slip speed and twice the micro-slip."""
 EFFORT_SHARE: Final = 0.2
 """Of the newest in the effort."""
+PROOF: Final = 1.0
+"""Evidence for x looking forward, (m/s²)² s, before what it shows counts as effort."""
 SHOWN_MPS: Final = 0.15
 """A slip that has come to this has a direction, too."""
 FIRST_SLIP_LOG: Final = -3.0
@@ -108,13 +112,14 @@ DISTRUST_S: Final = 30.0
 """After a slip in which the rim ran as smoothly as a train for so long, and so far from the inertial speed, the
 inertial sensor is left out for so long. A small slip speed within its sigma contradicts nothing: slow slips
 fade so."""
-TAME_TICKS: Final = 50
 NEVER_TICKS: Final = 1_000_000
 STILL_MPS: Final = 0.5
 MOST_STILL_MPS: Final = 2.0
 """A standing wheel stands for a standing train if the account's speed is below these (and three sigma)."""
 REST_SPEED_SIGMA_MPS: Final = 0.05
 REST_RATE_SIGMA_RADPS: Final = 1e-3
+RESTING_M: Final = 0.005
+"""What a tick at rest changes of the way beyond this is owned: no wheel tells it."""
 
 
 @kernel
@@ -141,6 +146,9 @@ def begin_branches(branches: Branches, now: Record, way_m: float, rim_m: float, 
     own = branches.about[0]
     own.mode, own.since, own.slip_since = ADHERING, now.tick, now.tick
     own.log_weight, own.walk, own.top_mps, own.free, own.first = 0.0, 0.0, 0.0, 0, 0
+    own.tame, own.loose_var = 0, 0.0
+    own.doubt_m = 0.0
+    now.followed_m = way_m
     own.slip_d_m, own.slip_w_m = way_m, rim_m
     now.branches, now.best, now.settled_var = 1, 0, FIRST_SIGMAS[D] ** 2
     now.calm_d_m, now.calm_w_m = way_m, rim_m
@@ -180,7 +188,7 @@ def _step(
     away = tick.imu_missing_s > LONGEST_HOLD_S
     blind = away or now.turned > 0 or now.distrust_s > 0.0
     silent_s = tick.tacho_missing_s
-    missed = abs(tick.wheel_speed_mps) * silent_s > MISSED_TEETH * rule.pulse_m or silent_s > LONGEST_STILL_S
+    missed = abs(tick.wheel_speed_mps) * silent_s > MISSED_TEETH * tick.quantum_m or silent_s > LONGEST_STILL_S
     latency_ticks = int(np.ceil(rule.latency_s / PERIOD_S))
     silent = watch_gap(tick, now, blind, silent_s > LONGEST_HOLD_S and missed, latency_ticks)
     now.excess_m += tick.doubt_m
@@ -193,6 +201,8 @@ def _step(
         else:
             sense(tick, now, branches.x[now.best, V], PERIOD_S)
             now.effort_mps2 += EFFORT_SHARE * (tick.ax_mps2 - now.effort_mps2)
+            if now.not_turned > PROOF:
+                now.proven = 1
         stands = _follow(tick, rule, now, branches, blind, silent)
         if away or silent:
             forget_axes(now)
@@ -220,7 +230,7 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
         now.followed, now.still = 0, 0
     else:
         moved = abs(tick.way_m - now.before_m) > 0.5 * rule.pulse_m
-        variance = rim_variance(z_m, rule.pulse_m, now, PERIOD_S)
+        variance = rim_variance(z_m, tick.quantum_m, now, PERIOD_S)
         watch_rim(now, PERIOD_S)
         if now.gap_s > 0.0:
             bridge_gap(tick, now, branches, variance, PERIOD_S)
@@ -230,13 +240,13 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
     stands = not silent and stands
     noise = np.empty(5)
     noise[FORCE] = 0.0 if blind else max(now.quiet * now.force_var, LEAST_FORCE_MPS2**2)
-    noise[RATE] = BLIND_RATE_VAR if blind else max(now.quiet * now.rate_var, LEAST_RATE_RADPS**2)
     noise[CREEP] = now.creep_var
     noise[ACCELERATION] = BLIND_ACCELERATION if blind else 0.0
     ax_mps2, gx_radps, gy_radps, gz_radps = tick.ax_mps2, tick.gx_radps, tick.gy_radps, tick.gz_radps
     for i in range(now.branches):
         x, p, own = branches.x[i], branches.p[i], branches.about[i]
         noise[WALK] = own.walk
+        noise[RATE] = BLIND_RATE_VAR if blind else _rate_noise(own, now)
         if blind:
             tick.ax_mps2 = GRAVITY_MPS2 * np.sin(x[TH]) + x[M] * tick.ay_mps2
             tick.gx_radps, tick.gy_radps, tick.gz_radps = now.roll_bias_radps, x[B], now.yaw_bias_radps
@@ -245,16 +255,25 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
             continue
         residual_m = z_m - x[W]
         if own.mode == SLIPPING:
+            own.loose_var = max(own.loose_var, p[V, V])
             _watch_walk(x, own, residual_m, variance, now)
         elif i == now.best and not blind:
             _watch_creep(p, own, residual_m, variance, now)
         if own.mode == SLIPPING and abs(x[V]) > BACKWARDS_MPS and x[V] * (x[W] - own.slip_w_m) < 0.0:
             own.log_weight -= BACKWARDS_LOG
         own.log_weight += correct(x, p, W, residual_m, variance) - own.first * PERIOD_S / FIRST_SLIP_S
-        if stands and abs(x[V]) < min(STILL_MPS + 3.0 * np.sqrt(p[V, V]), MOST_STILL_MPS):
-            _rest(x, p, tick, now)
+        if stands:
+            owned_m = _rest(x, p, tick, now)
+            now.excess_m += owned_m * (i == now.best)
     tick.ax_mps2, tick.gx_radps, tick.gy_radps, tick.gz_radps = ax_mps2, gx_radps, gy_radps, gz_radps
     return stands
+
+
+@kernel
+def _rate_noise(own: Record, now: Record) -> float:
+    """Variance of the pitch rate's mean over a tick that adds up over time."""
+    quiet = max(now.quiet, LEAST_QUIET_SLIPPING) if own.mode == SLIPPING else now.quiet
+    return float(max(quiet * now.rate_var, LEAST_RATE_RADPS**2))
 
 
 @kernel
@@ -263,6 +282,7 @@ def _begin_again(now: Record, branches: Branches, way_m: float, rim_m: float) ->
 
     What that changes is owned.
     """
+    now.proven = 0
     x = branches.x[now.best]
     d_m, w_m = way_m + x[W] - rim_m, x[W]
     now.excess_m += abs(x[D] - d_m)
@@ -275,7 +295,7 @@ def _begin_again(now: Record, branches: Branches, way_m: float, rim_m: float) ->
 def _supervise(now: Record, branches: Branches) -> None:
     """End a slip in which the rim has long run as a train does: wheel and inertial sensor contradict each other."""
     own, x = branches.about[now.best], branches.x[now.best]
-    if now.distrust_s > 0.0 and (now.distrust_s > PERIOD_S or now.tick - now.wild_tick > TAME_TICKS):
+    if now.distrust_s > 0.0 and (now.distrust_s > PERIOD_S or not now.broken):
         now.distrust_s -= PERIOD_S
         if now.distrust_s <= 0.0:
             now.distrust_s = 0.0
@@ -315,8 +335,15 @@ def _watch_creep(p: Floats, own: Record, residual_m: float, variance: float, now
 
 
 @kernel
-def _rest(x: Floats, p: Floats, tick: Record, now: Record) -> None:
-    """Speed and pitch rate are nought at rest: speed, bias and attitude are reset."""
+def _rest(x: Floats, p: Floats, tick: Record, now: Record) -> float:
+    """Speed and pitch rate are nought at rest: speed, bias and attitude are reset; gives what is to be owned [m].
+
+    Not for an account of a train that slides on over wheels that stand.
+    """
+    if abs(x[V]) >= min(STILL_MPS + 3.0 * np.sqrt(p[V, V]), MOST_STILL_MPS):
+        return 0.0
+    before_m = x[D]
     correct(x, p, V, -x[V], REST_SPEED_SIGMA_MPS**2)
     lacking = tick.gy_radps - (tick.gz_radps - now.yaw_bias_radps) * now.roll_rad
     correct(x, p, B, lacking - x[B], 4.0 * max(now.rate_var, 0.25 * REST_RATE_SIGMA_RADPS**2))
+    return float(max(0.0, abs(x[D] - before_m) - RESTING_M))

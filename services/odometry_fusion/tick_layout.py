@@ -31,6 +31,8 @@ TICK: Final[np.dtype[Any]] = np.dtype([
             "tacho_missing_s",
             # by how much the way may be wrong since the last tick because the counter began anew
             "doubt_m",
+            # by how much the way grows at least from count to count: a pulse, or what the counter waits for
+            "quantum_m",
         )
     ),
 ])  # fmt: skip

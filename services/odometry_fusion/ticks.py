@@ -36,6 +36,12 @@ MOST_RATE_RADPS: Final = 40.0
 """Beyond what such sensors can show: the sample is broken."""
 MOST_TICKS: Final = 40_000_000
 
+LEAST_ROWS: Final = 8
+"""So many rows in a row, all by the same step, and the counter reports whenever it has come so far."""
+
+STEPS: Final = np.dtype([("same", np.int64), ("way_m", np.float64), ("step_m", np.float64)])
+"""How many rows have come by the same step (-1: not all have), the last way and step."""
+
 INERTIAL: Final = np.dtype([
     ("seen", np.int64),
     ("t_ns", np.int64),
@@ -74,6 +80,22 @@ def _mean_samples(first: int, last: int, imu_ns: Counts, imu: SixAxes, moving: i
     if count > 0:
         for axis in range(6):
             now.mean[axis] = total[axis] / count
+
+
+@kernel
+def _quanta(way_m: Floats, pulse_m: float, steps: Records, quantum_m: Floats) -> None:
+    """By how much the way grows at least from row to row: a pulse, or the step of a counter that waits for several."""
+    now = steps[0]
+    for k in range(len(way_m)):
+        step_m = abs(way_m[k] - now.way_m)
+        if now.same == 1 or (now.same > 1 and abs(step_m - now.step_m) < 0.5 * pulse_m):
+            now.same = now.same + 1 if step_m > 0.5 * pulse_m else -1
+        elif now.same > 1:
+            now.same = -1
+        elif now.same == 0:
+            now.same = 1
+        now.way_m, now.step_m = way_m[k], step_m
+        quantum_m[k] = max(pulse_m, step_m) if now.same > LEAST_ROWS else pulse_m
 
 
 @kernel
@@ -117,7 +139,7 @@ def make_ticks(
     even_ns: Counts,
     way_m: Floats,
     doubt_m: Floats,
-    pulse_m: float,
+    quantum_m: Floats,
     inertial: Records,
 ) -> None:
     """Fill ticks whose times are set; inertial samples begin after the tick before the first one.
@@ -133,6 +155,7 @@ def make_ticks(
         while known < len(tacho_ns) and tacho_ns[known] <= tick.t_ns:
             tick.doubt_m += doubt_m[known]
             known += 1
+        tick.quantum_m = pulse_m = quantum_m[max(known - 1, 0)]
         tick.way_m = _way_at(tick.t_ns, even_ns, way_m, known, pulse_m)
         tick.aligned_m = _way_at(tick.t_ns - latency_ns, even_ns, way_m, known, pulse_m)
         tick.wheel_speed_mps = _rate(known - 1, even_ns, way_m)
@@ -167,6 +190,8 @@ class TickMaker:
         self._even_ns = np.empty(0, np.int64)
         self._way_m = np.empty(0)
         self._doubt_m = np.empty(0)
+        self._steps = np.zeros(1, STEPS)
+        self._quantum_m = np.empty(0)
         self._next_ns: int | None = None
 
     @property
@@ -200,7 +225,7 @@ class TickMaker:
             self._even_ns,
             self._way_m,
             self._doubt_m,
-            self._pulse_m,
+            self._quantum_m,
             self._inertial,
         )
         self._next_ns += due * PERIOD_NS
@@ -215,12 +240,15 @@ class TickMaker:
             new_ns = _ns(tacho_t_s)
             way_m, doubt_m = np.empty(len(new_ns)), np.empty(len(new_ns))
             count_way(new_ns, np.array(pulses, np.int64), self._pulse_m, self._counter, way_m, doubt_m)
+            quantum_m = np.empty(len(new_ns))
+            _quanta(way_m, self._pulse_m, self._steps, quantum_m)
             even_ns = np.empty(len(new_ns), np.int64)
             even_times(new_ns, way_m, self._grid, even_ns)
             self._tacho_ns = np.concatenate([self._tacho_ns, new_ns])
             self._even_ns = np.concatenate([self._even_ns, even_ns])
             self._way_m = np.concatenate([self._way_m, way_m])
             self._doubt_m = np.concatenate([self._doubt_m, doubt_m])
+            self._quantum_m = np.concatenate([self._quantum_m, quantum_m])
 
     def _forget(self, now_ns: int) -> None:
         kept = int(np.searchsorted(self._imu_ns, now_ns, side="right"))
@@ -228,6 +256,7 @@ class TickMaker:
         kept = max(0, min(int(np.searchsorted(self._tacho_ns, now_ns - KEPT_NS)), len(self._tacho_ns) - 2))
         self._tacho_ns, self._even_ns = self._tacho_ns[kept:], self._even_ns[kept:]
         self._way_m, self._doubt_m = self._way_m[kept:], self._doubt_m[kept:]
+        self._quantum_m = self._quantum_m[kept:]
 
 
 def _ns(t_s: Floats) -> Counts:

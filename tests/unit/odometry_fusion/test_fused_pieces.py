@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from services.odometry_fusion.fused_bound import ETCS_M, ETCS_SHARE, allowed
+from services.odometry_fusion.fused_bound import ETCS_M, ETCS_SHARE, allowed, doubted, own_up, provisional, settle
 from services.odometry_fusion.fused_branch import begin_state, correct, predict
 from services.odometry_fusion.fused_hypotheses import (
     AGAINST_LOG,
@@ -33,11 +33,13 @@ from services.odometry_fusion.fused_layout import (
     V,
     W,
 )
+from services.odometry_fusion.fused_rim import watch_rim
 from services.odometry_fusion.fused_step import begin_branches, begin_now
 from services.odometry_fusion.inertial_window import next_roll, next_variance
-from services.odometry_fusion.motion_log import Floats
+from services.odometry_fusion.motion_log import Floats, Vehicle
 from services.odometry_fusion.standstill import STILL_TICKS, watch_standstill
 from services.odometry_fusion.tick_layout import TICK, Records
+from services.odometry_fusion.ticks import TickMaker
 from services.odometry_fusion.wheel_measure import rim_variance
 
 DT_S = 0.1
@@ -208,3 +210,52 @@ def test_begins_without_standstill() -> None:
 def test_allowed_bound_is_that_of_etcs_forwards_and_counts_the_way_in_reverse() -> None:
     assert allowed(1000.0, 1000.0) == ETCS_M + ETCS_SHARE * 1000.0
     assert allowed(2000.0, 0.0) == ETCS_M + ETCS_SHARE * 2000.0
+
+
+def test_what_a_loosely_known_end_leaves_in_doubt_is_vouched_for_and_then_owned() -> None:
+    branches, now = fresh(10.0)
+    begin_slip(branches, 0, 1, 0, 0.0)
+    branches.x[1, D], branches.x[1, W] = 40.0, 10.0
+    branches.about["loose_var"][1] = 0.5**2
+    end_slip(branches, 1, 1, 100, float(now["creep_var"][0]))
+    now["best"], now["branches"] = 1, 2
+    # 30 m by which wheel and inertial sensor differ, whichever is right.
+    assert doubted(branches, now[0]) == pytest.approx(30.0, abs=0.1)
+    assert provisional(branches, now[0]) >= 30.0
+    now["calm"], now["unsettled"] = 100, 1
+    settle(branches, now[0])
+    assert now["excess_m"][0] >= 30.0
+    assert doubted(branches, now[0]) == 0.0
+
+
+def test_a_change_of_the_way_beyond_what_was_vouched_for_is_owned() -> None:
+    branches, now = fresh(0.0)
+    now["scale"], now["vouched_m"], now["followed_m"] = 1.0, 5.0, 0.0
+    branches.x[0, D] = 12.0
+    own_up(branches, now[0], DT_S)
+    assert now["excess_m"][0] == pytest.approx(7.0)
+    own_up(branches, now[0], DT_S)
+    assert now["excess_m"][0] == pytest.approx(7.0)
+
+
+def test_a_rim_that_was_wild_is_not_believed_until_it_turns_calmly() -> None:
+    _, now = fresh(20.0)
+    now["rim_mps"], now["fast_rim_mps"], now["train_mps"] = 0.0, 20.0, 20.0
+    for tick in range(200):
+        now["tick"] = 100 + tick
+        watch_rim(now[0], DT_S)
+    # Locked for 20 s: the train may have lost as little as 0.2 m/s².
+    assert now["broken"][0] == 1
+    assert now["train_mps"][0] == pytest.approx(16.0)
+    now["rim_mps"] = now["fast_rim_mps"] = 15.0
+    watch_rim(now[0], DT_S)
+    assert now["broken"][0] == 0
+    assert now["train_mps"][0] == 15.0
+
+
+def test_a_counter_that_waits_for_four_pulses_is_known_by_its_steps() -> None:
+    t_s = 0.1 * np.arange(1.0, 41.0)
+    vehicle = Vehicle(90.0, 0.81, 0.0, 35.0)
+    for counts, expected in ((4 * np.arange(40), 4.0), (np.arange(40) // 2, 1.0), (np.arange(40) ** 2, 1.0)):
+        ticks = TickMaker(vehicle).advance(4.0, np.empty(0), np.empty((0, 6)), t_s, counts.astype(np.int64))
+        assert ticks["quantum_m"][-1] == pytest.approx(expected * vehicle.metres_per_pulse)
