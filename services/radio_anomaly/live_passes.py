@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 import msgspec
 
-from schemas.radio import Cause
+from services.radio_anomaly.heard_before import Telling, Told
 from services.radio_anomaly.passes import period_of, section_of
 from services.radio_anomaly.reading import Reading
 from services.radio_anomaly.settings import Settings
@@ -19,10 +20,13 @@ MOST_SOURCES: Final = 2_000
 class LivePass(msgspec.Struct, kw_only=True):
     """A pass under way, or a period at a site."""
 
+    source: str
     device: str
     name: str
     direction: str
     readings: list[Reading] = msgspec.field(default_factory=list)
+    heard: dict[str, tuple[int, int]] = msgspec.field(default_factory=dict)
+    """Greatest number and latest time of its readings, by their sender's start."""
     heard_s: float = 0.0
     """Monotonic time of the last reading."""
     section: int | None = None
@@ -32,18 +36,24 @@ class LivePass(msgspec.Struct, kw_only=True):
     """Axis less kilometrage where it was last."""
     left_out: int = 0
     """Readings that a clock or a place that jumps, or repeating, spoiled."""
-    told: dict[str, tuple[bool, Cause]] = msgspec.field(default_factory=dict)
-    """Events told on this pass, whether as confirmed, and with which cause."""
+    told: Told = msgspec.field(default_factory=dict)
     shown: set[tuple[str, str, int]] = msgspec.field(default_factory=set)
     """Sections shown."""
+
+    def note(self, boot_id: str, number: int, t_ns: int) -> None:
+        """Keep which publications it is made of; those without a number (-1) cannot be known again."""
+        if number >= 0:
+            before = self.heard.get(boot_id, (number, t_ns))
+            self.heard[boot_id] = (max(number, before[0]), max(t_ns, before[1]))
 
 
 class LivePasses:
     """Passes under way, by who measures."""
 
-    def __init__(self, settings: Settings) -> None:
-        """None."""
+    def __init__(self, settings: Settings, telling: Iterable[Telling] = ()) -> None:
+        """None, or those that were under way when the watch was ended: they are heard again, but told already."""
         self._settings = settings
+        self._telling = {one.source: one for one in telling}
         self.under_way: dict[str, LivePass] = {}
 
     def take(
@@ -67,7 +77,8 @@ class LivePasses:
             if len(self.under_way) >= MOST_SOURCES:
                 quietest = min(self.under_way, key=lambda key: self.under_way[key].heard_s)
                 over.append(self.under_way.pop(quietest))
-            self.under_way[source] = LivePass(device=device, name=name, direction=direction)
+            told = self._told(source, name, direction)
+            self.under_way[source] = LivePass(source=source, device=device, name=name, direction=direction, told=told)
         found = self.under_way[source]
         found.readings.append(reading)
         found.heard_s = now_s
@@ -79,6 +90,20 @@ class LivePasses:
                 found.sections_since += 1
             found.section = here
         return found, over
+
+    def _told(self, source: str, name: str, direction: str) -> Told:
+        """What was told on a pass before the watch was ended in the middle of it."""
+        before = self._telling.pop(source, None)
+        return dict(before.told) if before is not None and (before.name, before.direction) == (name, direction) else {}
+
+    def telling(self) -> tuple[Telling, ...]:
+        """What is told so far on passes under way."""
+        current = {
+            one.source: Telling(source=one.source, name=one.name, direction=one.direction, told=dict(one.told))
+            for one in self.under_way.values()
+            if one.told
+        }
+        return tuple((self._telling | current).values())[-MOST_SOURCES:]
 
     def silent(self, now_s: float, after_s: float) -> list[LivePass]:
         """Passes of which nothing was heard for so long that they are over."""

@@ -14,6 +14,7 @@ from services.radio_anomaly.alarm_count import CHANCE_PASSES, AlarmCount, Cell
 from services.radio_anomaly.baseline import Mask
 from services.radio_anomaly.cause import snowing
 from services.radio_anomaly.event_book import EventBook
+from services.radio_anomaly.heard_before import HeardBefore
 from services.radio_anomaly.passes import Bin, Journey, plain
 from services.radio_anomaly.peeling import peel
 from services.radio_anomaly.precursor import Point, Trend, TrendMemory, drifts, held_back, trend_of, trend_points
@@ -76,6 +77,7 @@ class Monitor:
         self.acceptances = Acceptances()
         self.curve = ReceptionCurve()
         self.alarms = AlarmCount()
+        self.heard = HeardBefore()
         self.pending: list[tuple[Journey, dict[RadioChannel, frozenset[int]]]] = []
 
     def mask(self, key: RadioChannel) -> Mask | None:

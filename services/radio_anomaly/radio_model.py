@@ -12,6 +12,7 @@ from services.radio_anomaly.acceptance import Acceptances
 from services.radio_anomaly.alarm_count import AlarmCount
 from services.radio_anomaly.baseline import Book, Sums
 from services.radio_anomaly.event_book import EventBook, OpenEvent
+from services.radio_anomaly.heard_before import HeardBefore, HeardUntil, Telling
 from services.radio_anomaly.held_out import HeldOut
 from services.radio_anomaly.monitor import Monitor
 from services.radio_anomaly.passes import Journey
@@ -79,6 +80,10 @@ class RadioModel(msgspec.Struct, frozen=True, kw_only=True):
     events: tuple[OpenEvent, ...] = ()
     acceptances: tuple[RadioAcceptance, ...] = ()
     pending: tuple[PendingPass, ...] = ()
+    heard_until: tuple[HeardUntil, ...] = ()
+    """What the bus may say again and is learned."""
+    telling: tuple[Telling, ...] = ()
+    """Of passes under way."""
 
 
 def model_of(monitor: Monitor, origin: Origin, evidence: HeldOut | None) -> RadioModel:
@@ -117,6 +122,7 @@ def model_of(monitor: Monitor, origin: Origin, evidence: HeldOut | None) -> Radi
             )
             for journey, withheld in monitor.pending
         ),
+        heard_until=monitor.heard.kept(),
     )
 
 
@@ -144,6 +150,7 @@ def monitor_of(model: RadioModel) -> Monitor:
     monitor.trend_memory.kept = dict(model.trends)
     monitor.events = EventBook(model.events)
     monitor.acceptances = Acceptances(model.acceptances)
+    monitor.heard = HeardBefore(model.heard_until)
     monitor.pending = [
         (one.journey, {(radio, channel): frozenset(sections) for radio, channel, sections in one.withheld})
         for one in model.pending

@@ -67,7 +67,7 @@ class _Watch:
     def __init__(self, node: Node, config: Config, model: RadioModel) -> None:
         self._node, self._config = node, config
         self._watch_by(model)
-        self._passes = LivePasses(self._monitor.settings)
+        self._passes = LivePasses(self._monitor.settings, model.telling)
         self._weather = WeatherMap()
         self.changed = False
 
@@ -90,7 +90,8 @@ class _Watch:
 
     def model(self) -> RadioModel:
         """All that is known now."""
-        return model_of(self._monitor, self._origin, self._evidence)
+        model = model_of(self._monitor, self._origin, self._evidence)
+        return msgspec.structs.replace(model, telling=self._passes.telling())
 
     async def take(self, arrival: Arrival[Message]) -> None:
         """Answer one message."""
@@ -109,6 +110,10 @@ class _Watch:
     async def _measure(self, arrival: Arrival[Message], measurement: RadioMeasurement) -> None:
         node = self._node
         reading = reading_of(measurement)
+        device = arrival.fields["device"]
+        source = f"{arrival.place}/{device}/{'line' if reading.direction else 'site'}"
+        if self._is_again(arrival, source, reading.t_ns):
+            return
         reason = refusal_of(reading)
         if reason is not None:
             node.health.refuse(f"{arrival.key}: {reason}", node.clock.monotonic_s())
@@ -120,15 +125,29 @@ class _Watch:
             return
         node.health.clear(f"no_place {arrival.place.name}")
         node.health.count("measurements")
-        device = arrival.fields["device"]
-        source = f"{arrival.place}/{device}/{'line' if reading.direction else 'site'}"
         now_s = node.clock.monotonic_s()
         current, over = self._passes.take(source, device, reading, measurement.axis_m, now_s)
+        current.note(arrival.boot_id, arrival.sequence, reading.t_ns)
         for one in over:
             await self.finish(one)
         if current.sections_since >= self._config.judge_every:
             current.sections_since = 0
             await self._look(current)
+
+    def _is_again(self, arrival: Arrival[Message], source: str, t_ns: int) -> bool:
+        """Whether it is of a pass that the model kept has learned: the bus says it again to a watch that restarts."""
+        node = self._node
+        match self._monitor.heard.is_again(source, arrival.boot_id, arrival.sequence, t_ns):
+            case "again":
+                node.health.count("said_again")
+                return True
+            case "renumbered":
+                node.health.count("renumbered")
+                words = f"{arrival.key}: numbers that were had, with later times: taken as new"
+                node.health.trouble("renumbered", words, node.clock.monotonic_s())
+                return False
+            case _:
+                return False
 
     async def _look(self, current: LivePass) -> None:
         """Judge a pass so far."""
@@ -148,6 +167,8 @@ class _Watch:
 
     async def finish(self, current: LivePass) -> None:
         """Judge a whole pass, and learn from it."""
+        self._monitor.heard.learned(current.source, current.heard)
+        self.changed = True
         journey = await self._journey(current)
         if journey is None:
             return
@@ -156,7 +177,6 @@ class _Watch:
         await self._say(current, journey, events, judgement)
         self._node.health.count("passes")
         self._node.health.count("left_out", current.left_out)
-        self.changed = True
         if judgement.learning:
             names = ", ".join(f"{radio} {channel}" for radio, channel in judgement.learning[:5])
             self._node.health.set("learning", f"learning {names}: nothing is raised yet")
@@ -195,6 +215,7 @@ class _Watch:
             if event.phase != "ended" and said in ((True, event.cause), (event.confirmed, event.cause)):
                 continue
             current.told[event.event_id] = (event.confirmed, event.cause)
+            self.changed = True
             node.health.count(f"events_{event.kind}")
             await node.publish(RADIO_EVENT, event, device=current.device)
         for section in section_messages(journey, judgement, self._monitor.settings, current.shown):

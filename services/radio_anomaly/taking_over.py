@@ -36,8 +36,8 @@ def taken_over(given: RadioModel, kept: RadioModel) -> RadioModel:
     """The given model, with what the kept one alone knows.
 
     That is what it learned or withheld on days after the given one's last, words of acceptance, open events, what
-    was silent last, and radios that the given one never heard of. Windows and trends are remembered against the old
-    means, and are not kept.
+    was silent last, radios that the given one never heard of, and what the bus may say again. Windows and trends are
+    remembered against the old means, and are not kept.
     """
     until = given.origin.last_utc
     known = {(one.radio, one.channel) for one in given.streams}
@@ -56,6 +56,8 @@ def taken_over(given: RadioModel, kept: RadioModel) -> RadioModel:
         events=kept.events,
         acceptances=tuple(sorted(words, key=lambda word: word.t_ns)),
         pending=given.pending + tuple(one for one in kept.pending if one.journey.day > until),
+        heard_until=kept.heard_until,
+        telling=kept.telling,
     )
 
 
