@@ -16,7 +16,6 @@ import numpy as np
 
 from schemas.arrays import array_from_extension, array_from_lists, array_to_extension, array_to_lists
 from schemas.message import Message
-from schemas.topic import Topic
 from schemas.topics import topic_of
 
 M = TypeVar("M", bound=Message)
@@ -116,11 +115,6 @@ def json_schema(message: type[Message]) -> dict[str, Any]:
     schema = msgspec.json.schema(message, schema_hook=describe)
     schema.setdefault("description", inspect.getdoc(message) or "")
     return schema
-
-
-def decode_payload(topic: Topic[M], payload: bytes) -> M:
-    """Message of a topic. Raises DecodeError."""
-    return decode(topic.message, payload)
 
 
 def decode_for_cli(key: object, value: bytes) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
-from typing import Final
 
 from schemas.gnss import Epoch, OwnPosition
 from services.gnss_receiver.heard import Heard
@@ -12,8 +10,6 @@ from services.gnss_receiver.nmea_stream import NmeaStream
 from services.gnss_receiver.rtcm_stream import RtcmStream
 from services.gnss_receiver.stream_frames import Framer, Protocol
 from services.gnss_receiver.ubx_stream import UbxStream
-
-ERRORS: Final = ("rtcm3_crc_errors", "ubx_checksum_errors", "nmea_checksum_errors")
 
 
 class ReceiverStream:
@@ -81,8 +77,3 @@ class ReceiverStream:
                 self.counts["own_positions"] += 1
             kept.append(one)
         return kept
-
-
-def failed_checks(counts: Counter[str]) -> int:
-    """Frames that failed their checks, of all protocols."""
-    return sum(counts[name] for name in ERRORS)

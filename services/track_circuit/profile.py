@@ -151,8 +151,3 @@ def decode_profile(text: bytes | str) -> Profile:
     except msgspec.DecodeError as error:
         msg = f"track-circuit profile: {error}"
         raise ProfileError(msg) from error
-
-
-def standard_profile() -> Profile:
-    """The standard profile: SS-CDMA at 12 kHz with telegrams."""
-    return Profile(framing=Framing())

@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from services.track_circuit.profile import PnGenerator, Profile, ProfileError, decode_profile, standard_profile
+from services.track_circuit.profile import Framing, PnGenerator, Profile, ProfileError, decode_profile
 
 
 def test_a_recordings_profile_decodes_and_leaves_unknown_fields() -> None:
@@ -15,8 +15,9 @@ def test_a_recordings_profile_decodes_and_leaves_unknown_fields() -> None:
     assert profile.pilots().tolist() == [1.0, -1.0, -1.0, 1.0]
 
 
-def test_the_standard_profile_survives_its_own_json() -> None:
-    assert decode_profile(msgspec.json.encode(standard_profile())) == standard_profile()
+def test_a_profile_with_telegrams_survives_its_own_json() -> None:
+    profile = Profile(framing=Framing())
+    assert decode_profile(msgspec.json.encode(profile)) == profile
 
 
 def test_the_default_generator_has_the_longest_period_and_balance() -> None:
