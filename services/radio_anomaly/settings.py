@@ -29,8 +29,12 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Lengths of the spatial windows, in sections."""
     least_change_db: Positive = 3.0
     """A change of the mean over a window that is worth a word."""
-    certain_score: Positive = 6.3
+    certain_score: Positive = 5.9
     """On one pass, in standard deviations."""
+    certain_wide_score: Positive = 4.5
+    """The same over `wide_sections` and more that were learned from `wide_passes` in the mean."""
+    wide_sections: Annotated[int, Meta(ge=2, le=1000)] = 5
+    wide_passes: Positive = 3.0
     confirmed_score: Positive = 4.2
     """Of two or three passes together; each of them has at least `each_score`."""
     each_score: Positive = 1.5

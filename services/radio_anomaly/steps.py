@@ -80,8 +80,9 @@ def find_steps(
     The plain mean of the window's residuals has to agree with the estimate: a change against the rest of the pass alone
     is the rest's.
 
-    Confirmed: this pass alone is beyond `certain_score`, or two or three passes together are beyond
-    `confirmed_score` with each of them pointing the same way. Not confirmed: this pass is beyond `suspect_score`.
+    Confirmed: this pass alone is beyond `certain_score` (`certain_wide_score` where `certain` says so), or two or three
+    passes together are beyond `confirmed_score` with each of them pointing the same way. Not confirmed: this pass is
+    beyond `suspect_score`.
     """
     least = settings.least_change_db * LEAST_CHANGE_FACTOR[stream[0]]
     found = [
@@ -106,6 +107,16 @@ def find_steps(
     return kept
 
 
+def certain(one: WindowSum, settings: Settings) -> float:
+    """Score from which one pass is enough.
+
+    Lower over sections that are many and well known: what one section does beyond a normal distribution (a bridge,
+    another cell) is lost among them, and their mean is measured, not expected.
+    """
+    wide = one.observed >= settings.wide_sections and one.learned_passes >= settings.wide_passes
+    return min(settings.certain_score, settings.certain_wide_score) if wide else settings.certain_score
+
+
 def _judge(
     stream: Stream, one: WindowSum, before: tuple[tuple[float, float], ...], settings: Settings, least: float
 ) -> Finding | None:
@@ -113,7 +124,7 @@ def _judge(
     pull, information, squares = one.pull, one.information, one.information**2
     alone = abs(pull) / math.sqrt(information)
     enough = abs(pull / information) >= least
-    best = (alone, pull / information, 1, alone >= settings.certain_score and enough)
+    best = (alone, pull / information, 1, alone >= certain(one, settings) and enough)
     if not best[3] and not (alone >= settings.suspect_score and enough):
         best = (0.0, 0.0, 0, False)
     for number, (earlier_pull, earlier_information) in enumerate(reversed(before), start=2):

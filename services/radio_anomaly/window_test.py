@@ -68,6 +68,8 @@ class WindowSum(msgspec.Struct, frozen=True, gc=False):
     observed: int
     lasting_variance: float = 0.0
     """Of the part of δ's variance that the error of the learned means makes: it is much the same on the next pass."""
+    learned_passes: float = 0.0
+    """Of its sections, in the mean."""
 
 
 class PassTest:
@@ -93,6 +95,7 @@ class PassTest:
         self._pull = np.concatenate([[0.0], np.cumsum(inverse @ clipped)])
         self._information = np.zeros((count + 1, count + 1))
         self._information[1:, 1:] = inverse.cumsum(0).cumsum(1)
+        self._passes = np.concatenate([[0.0], np.cumsum(residuals.passes)])
         self._lasting = np.zeros((count + 1, count + 1))
         self._lasting[1:, 1:] = (inverse @ mean_covariance @ inverse).cumsum(0).cumsum(1)
         shared = residuals.mean_variance.mean() / count + correlation.whole * residuals.variance.mean() / max(
@@ -114,6 +117,10 @@ class PassTest:
         sums = self._lasting
         return float(sums[past, past] - sums[first, past] - sums[past, first] + sums[first, first])
 
+    def learned(self, first: int, past: int) -> float:
+        """Sum of the passes that each of them was learned from."""
+        return float(self._passes[past] - self._passes[first])
+
     def window(self, start: int, length: int) -> WindowSum | None:
         """Sums of a window of sections; None unless half of it was observed."""
         first, past = np.searchsorted(self.sections, (start, start + length))
@@ -121,7 +128,8 @@ class PassTest:
             return None
         pull, information = self.over(int(first), int(past))
         lasting = self.lasting(int(first), int(past)) / information**2
-        return WindowSum(start, length, pull, information, int(past - first), lasting)
+        passes = self.learned(int(first), int(past)) / float(past - first)
+        return WindowSum(start, length, pull, information, int(past - first), lasting, passes)
 
     def windows(self, lengths: tuple[int, ...]) -> Iterator[WindowSum]:
         """Every window that half was observed of."""
@@ -137,6 +145,7 @@ class PassTest:
             pull = self._pull[past] - self._pull[first]
             information = _block(self._information, first, past)
             lasting = _block(self._lasting, first, past) / information**2
+            passes = (self._passes[past] - self._passes[first]) / (past - first)
             for k in range(len(starts)):
                 yield WindowSum(
                     int(starts[k]),
@@ -145,6 +154,7 @@ class PassTest:
                     float(information[k]),
                     int(past[k] - first[k]),
                     float(lasting[k]),
+                    float(passes[k]),
                 )
 
 
@@ -175,7 +185,8 @@ def whole_sum(tests: Sequence[PassTest]) -> WindowSum | None:
     sums = [test.over(0, len(test.sections)) for test in tests]
     information = sum(info for _, info in sums)
     lasting = sum(test.lasting(0, len(test.sections)) for test in tests) / information**2
-    return WindowSum(0, WHOLE, sum(pull for pull, _ in sums), information, count, lasting)
+    passes = sum(test.learned(0, len(test.sections)) for test in tests) / count
+    return WindowSum(0, WHOLE, sum(pull for pull, _ in sums), information, count, lasting, passes)
 
 
 def pass_tests(residuals: Residuals, correlation: Correlation, *, site: bool) -> tuple[PassTest, ...]:

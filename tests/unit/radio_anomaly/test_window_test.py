@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.radio_anomaly.settings import Settings
+from services.radio_anomaly.steps import WindowMemory, find_steps, window_sums
 from services.radio_anomaly.window_test import CHUNK, Correlation, PassTest, Residuals, chunks, whole_sum
 
 
@@ -35,6 +37,7 @@ def test_running_sums_are_the_generalised_least_squares_estimate(count: int, see
         assert one.pull == pytest.approx(marked @ inverse @ residuals.residual, rel=1e-7, abs=1e-9)
         assert one.information == pytest.approx(marked @ inverse @ marked, rel=1e-7)
         assert one.observed == marked.sum()
+        assert one.learned_passes == pytest.approx(residuals.passes[marked > 0.0].mean())
         weights = inverse @ marked / one.information
         mean_covariance = mean_shape * np.outer(mean_error, mean_error)
         assert one.lasting_variance == pytest.approx(weights @ mean_covariance @ weights, rel=1e-6, abs=1e-12)
@@ -90,3 +93,24 @@ def test_one_wild_section_says_no_more_than_its_cut() -> None:
 def test_a_long_pass_comes_in_pieces() -> None:
     parts = list(chunks(residuals_of(2 * CHUNK + 7, 1)))
     assert [len(one.sections) for one in parts] == [CHUNK, CHUNK, 7]
+
+
+@pytest.mark.parametrize(
+    ("sections", "passes", "confirmed"),
+    [(5, 4.0, True), (4, 4.0, False), (5, 2.0, False)],
+    ids=["wide and well known", "narrow", "hardly learned"],
+)
+def test_one_pass_is_enough_sooner_over_many_well_known_sections(
+    sections: int, passes: float, *, confirmed: bool
+) -> None:
+    told = Settings(windows=(sections,))
+    score = (told.certain_wide_score + told.certain_score) / 2.0
+    # The score of n independent sections off by r with a deviation of 4 dB each is r √n / 4.
+    off = np.full(sections, score * 4.0 / np.sqrt(sections))
+    known = np.full(sections, passes)
+    residuals = Residuals(np.arange(sections), off, np.zeros(sections), np.full(sections, 16.0), known)
+    tests = [PassTest(residuals, Correlation(whole=0.0, near=0.0))]
+    (found,) = find_steps(("power", "R01", "1"), window_sums(tests, told), residuals, WindowMemory(), told)
+    assert found.length == sections
+    assert found.score == pytest.approx(score)
+    assert found.confirmed is confirmed
