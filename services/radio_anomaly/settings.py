@@ -35,6 +35,8 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """The same over `wide_sections` and more that were learned from `wide_passes` in the mean."""
     wide_sections: Annotated[int, Meta(ge=2, le=1000)] = 5
     wide_passes: Positive = 3.0
+    certain_whole_score: Positive = 6.3
+    """The same over the whole of a pass: a slow fall of the whole line is a trend before it is a step."""
     confirmed_score: Positive = 4.2
     """Of two or three passes together; each of them has at least `each_score`."""
     each_score: Positive = 1.5

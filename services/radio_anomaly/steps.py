@@ -111,8 +111,11 @@ def certain(one: WindowSum, settings: Settings) -> float:
     """Score from which one pass is enough.
 
     Lower over sections that are many and well known: what one section does beyond a normal distribution (a bridge,
-    another cell) is lost among them, and their mean is measured, not expected.
+    another cell) is lost among them, and their mean is measured, not expected. Higher over the whole pass, whose level
+    may be the pass's own: of the day, the train, the weather.
     """
+    if one.length == WHOLE:
+        return max(settings.certain_score, settings.certain_whole_score)
     wide = one.observed >= settings.wide_sections and one.learned_passes >= settings.wide_passes
     return min(settings.certain_score, settings.certain_wide_score) if wide else settings.certain_score
 
