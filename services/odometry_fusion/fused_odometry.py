@@ -19,8 +19,9 @@ from services.odometry_fusion.fused_layout import (
     SIZE,
     Branches,
 )
+from services.odometry_fusion.fused_origin import begin_now
 from services.odometry_fusion.fused_settings import FusedSettings
-from services.odometry_fusion.fused_step import begin_now, run_ticks
+from services.odometry_fusion.fused_step import run_ticks
 from services.odometry_fusion.motion_log import Counts, Episode, Floats, MotionRows, Remembered, SixAxes, Vehicle
 from services.odometry_fusion.tick_layout import Records
 from services.odometry_fusion.ticks import TickMaker

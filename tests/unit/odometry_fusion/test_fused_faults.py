@@ -26,8 +26,8 @@ from services.odometry_fusion.fused_layout import (
     W,
 )
 from services.odometry_fusion.fused_odometry import FusedOdometry
+from services.odometry_fusion.fused_origin import begin_branches, begin_now
 from services.odometry_fusion.fused_settings import FusedSettings
-from services.odometry_fusion.fused_step import begin_branches, begin_now
 from services.odometry_fusion.inertial_axes import watch_axes
 from services.odometry_fusion.live_odometry import LiveOdometry
 from services.odometry_fusion.motion_log import VALID, MotionRows

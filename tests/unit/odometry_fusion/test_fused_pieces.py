@@ -33,8 +33,8 @@ from services.odometry_fusion.fused_layout import (
     V,
     W,
 )
+from services.odometry_fusion.fused_origin import begin_branches, begin_now
 from services.odometry_fusion.fused_rim import watch_rim
-from services.odometry_fusion.fused_step import begin_branches, begin_now
 from services.odometry_fusion.inertial_window import next_roll, next_variance
 from services.odometry_fusion.motion_log import Floats, Vehicle
 from services.odometry_fusion.standstill import STILL_TICKS, watch_standstill
