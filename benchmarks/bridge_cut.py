@@ -22,8 +22,8 @@ from pathlib import Path
 
 import msgspec
 
-from benchmarks.bridge_hosts import two_hosts
 from benchmarks.bridge_scene import Scene
+from benchmarks.two_hosts import two_hosts
 
 QUIET_S = 10.0
 """Spoken before the link goes."""

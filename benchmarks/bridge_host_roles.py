@@ -7,19 +7,17 @@ standard input does.
 from __future__ import annotations
 
 import asyncio
-import json
 import sys
 import time
 
-import msgspec
-
+from benchmarks.host_processes import end_of_input, say
 from schemas.health import ServiceEvent
 from schemas.radio import Weather
 from schemas.topic import Place
 from schemas.topics import SERVICE_EVENT, WEATHER
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig, RouterConfig
-from services.runtime.node import Node, Service
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 
@@ -29,28 +27,9 @@ SUBSCRIBED_S = 2.0
 """After its token stands a bridge has opened its spool and subscribed within this."""
 
 
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-def say(value: object) -> None:
-    """Print one value, for whoever started this."""
-    sys.stdout.write(json.dumps(value) + "\n")
-    sys.stdout.flush()
-
-
-async def end_of_input() -> None:
-    """Return when whoever started this wants no more."""
-    await asyncio.to_thread(sys.stdin.read)
-
-
 async def speak(router: str, events_hz: float, bulk_hz: float) -> None:
     """Events and bulk, each numbered and stamped when it is said; in the end how many."""
-    service = Service("speaker", NoConfig, (), (SERVICE_EVENT, WEATHER), _idle, "speaks")
+    service = guest("speaker", "speaks", writes=(SERVICE_EVENT, WEATHER))
     node = await ZenohNode.open(service, TRAIN, "speaker", LiveClock(), BusConfig(connect=(router,)))
     # What is said before the bridge has subscribed may be missed: that is no matter of the link.
     bridge = f"{TRAIN}/lte_bridge"
@@ -86,7 +65,7 @@ async def speak(router: str, events_hz: float, bulk_hz: float) -> None:
 
 async def listen(router: str) -> None:
     """What comes over the bridge, as [kind, number, seconds since it was said]."""
-    service = Service("listener", NoConfig, (SERVICE_EVENT, WEATHER), (), _idle, "listens")
+    service = guest("listener", "listens", reads=(SERVICE_EVENT, WEATHER))
     node = await ZenohNode.open(service, CLOUD, "listener", LiveClock(), BusConfig(connect=(router,)))
 
     async def hear() -> None:

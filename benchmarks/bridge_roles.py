@@ -11,7 +11,6 @@ from pathlib import Path
 
 import msgspec
 
-from benchmarks.bus_roles import NoConfig
 from schemas.bridge import BridgedRecord
 from schemas.codec import encode
 from schemas.radio import RadioMeasurement
@@ -20,8 +19,8 @@ from schemas.topics import RADIO_MEASUREMENT
 from services.lte_bridge.service import SERVICE, Config
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig
-from services.runtime.node import Node, Service
 from services.runtime.zenoh_node import ZenohNode
 
 TRAIN, CLOUD = Place("bench", "train", "T1"), Place("bench", "cloud", "C1")
@@ -78,7 +77,7 @@ def speak(pipe: Connection, router: str, count: int) -> None:
     """Publish measurements as fast as the bus takes them."""
 
     async def live() -> None:
-        service = Service("probe", NoConfig, (), (RADIO_MEASUREMENT,), _no_run, "speaks for the benchmark")
+        service = guest("probe", "speaks for the benchmark", writes=(RADIO_MEASUREMENT,))
         node = await ZenohNode.open(service, TRAIN, service.name, LiveClock(), BusConfig(connect=(router,)))
         try:
             messages = [measurement(number) for number in range(count)]
@@ -97,7 +96,7 @@ def speak_steadily(pipe: Connection, router: str, rate_hz: float, path: str) -> 
     """Publish at a rate until killed; number and time [ns] of the last one stand in a file that outlives this."""
 
     async def live(said: mmap.mmap) -> None:
-        service = Service("probe", NoConfig, (), (RADIO_MEASUREMENT,), _no_run, "speaks for the benchmark")
+        service = guest("probe", "speaks for the benchmark", writes=(RADIO_MEASUREMENT,))
         node = await ZenohNode.open(service, TRAIN, service.name, LiveClock(), BusConfig(connect=(router,)))
         pipe.send("speaks")
         number = 0
@@ -111,8 +110,3 @@ def speak_steadily(pipe: Connection, router: str, rate_hz: float, path: str) -> 
 
     with Path(path).open("r+b") as file, mmap.mmap(file.fileno(), 16) as said:
         asyncio.run(live(said))
-
-
-async def _no_run(node: Node, config: NoConfig) -> None:
-    """Do nothing: the benchmark drives the node itself."""
-    del node, config

@@ -4,50 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
-import sys
-from collections.abc import AsyncIterator
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
-from benchmarks.bridge_hosts import Hosts
+from benchmarks.host_processes import PATIENCE_S, end, line, running
+from benchmarks.two_hosts import Hosts
 
-ROOT = Path(__file__).parents[1]
 SLOWEST_HZ = 3.0
 """Of what is spoken and waited for."""
-PATIENCE_S = 60.0
-"""A process may be slow to start, or the last backlog slow to come, on a machine that stalls."""
-
-
-@asynccontextmanager
-async def running(host: str, *command: str) -> AsyncIterator[asyncio.subprocess.Process]:
-    """A Python process on a host; killed at the end when it has not ended by itself."""
-    process = await asyncio.create_subprocess_exec(
-        *("ip", "netns", "exec", host, sys.executable, *command),
-        stdin=asyncio.subprocess.PIPE,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.DEVNULL,
-        cwd=ROOT,
-        env=dict(os.environ) | {"PYTHONPATH": str(ROOT)},
-    )
-    try:
-        yield process
-    finally:
-        if process.returncode is None:
-            process.kill()
-        await process.wait()
-
-
-async def line(process: asyncio.subprocess.Process) -> Any:  # noqa: ANN401 - any JSON
-    """Next line of a role. Raises RuntimeError when it has ended, TimeoutError."""
-    assert process.stdout is not None  # noqa: S101 - `running` has piped it
-    async with asyncio.timeout(PATIENCE_S):
-        text = await process.stdout.readline()
-    if not text:
-        msg = "a role ended early"
-        raise RuntimeError(msg)
-    return json.loads(text)
 
 
 class Heard:
@@ -138,7 +103,6 @@ class Scene:
 
     async def silence(self) -> dict[str, int]:
         """Let the speaker end; how much it has said."""
-        assert self.speaker.stdin is not None  # noqa: S101 - `running` has piped it
-        self.speaker.stdin.close()
+        end(self.speaker)
         counts: dict[str, int] = await line(self.speaker)
         return counts

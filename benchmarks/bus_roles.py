@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Literal
 
-import msgspec
 import zenoh
 from zenoh import ext
 
@@ -21,8 +20,8 @@ from schemas.topic import Place, Topic
 from schemas.topics import SERVICE_EVENT, TRAIN_TRUTH
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig, RouterConfig
-from services.runtime.node import Node, Service
 from services.runtime.router import open_router
 from services.runtime.zenoh_config import client_config
 from services.runtime.zenoh_node import ZenohNode
@@ -39,10 +38,6 @@ SETTLE_S = 0.5
 IDLE_S = 1.0
 """A receiver that has heard something, and then nothing for this long, is done."""
 LIMIT_S = 60.0
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +174,7 @@ def _publish_raw(bus: BusConfig, flow: Flow) -> Published:
 
 
 async def _publish_node(bus: BusConfig, flow: Flow) -> Published:
-    service = Service("bench_writer", NoConfig, (), (flow.topic,), _no_run, "publishes for the benchmark")
+    service = guest("bench_writer", "publishes for the benchmark", writes=(flow.topic,))
     node = await ZenohNode.open(service, PLACE, service.name, LiveClock(), bus)
     try:
         padding = flow.padding()
@@ -194,11 +189,6 @@ async def _publish_node(bus: BusConfig, flow: Flow) -> Published:
     finally:
         await node.close()
     return Published(flow.count / took_s, cpu_s / flow.count * 1e6)
-
-
-async def _no_run(node: Node, config: NoConfig) -> None:
-    """Do nothing: the benchmark drives the node itself."""
-    del node, config
 
 
 def _receive_raw(pipe: Connection, bus: BusConfig, flow: Flow) -> Received:
@@ -253,7 +243,7 @@ def _subscribe_raw(session: zenoh.Session, flow: Flow, callback: Callable[[zenoh
 async def _receive_node(pipe: Connection, bus: BusConfig, flow: Flow) -> Received:
     """As a service does it: decoded messages in an `async for`."""
     received = Received()
-    service = Service("bench_reader", NoConfig, (flow.topic,), (), _no_run, "reads for the benchmark")
+    service = guest("bench_reader", "reads for the benchmark", reads=(flow.topic,))
     node = await ZenohNode.open(service, PLACE, service.name, LiveClock(), bus)
 
     async def stop_when_idle() -> None:

@@ -16,19 +16,14 @@ from schemas.topic import Place
 from services.recorder.live_replay import OriginalAliveError
 from services.recorder.recording_file import RecordingError
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig
-from services.runtime.node import Node, Service
 from services.runtime.process_end import StopSignals, arm_hard_exit, end_process
 from services.runtime.zenoh_config import BusConfigError
 from services.runtime.zenoh_node import IdentityTakenError, ZenohNode
 
 Work = Callable[[ZenohNode], Awaitable[int]]
 """Exit code; ends soon after the node is stopped."""
-
-
-async def _worked_on_by_the_command(node: Node, config: msgspec.Struct) -> None:
-    """Nothing: a node belongs to a service, but `work` has arguments that no configuration carries."""
-    del node, config
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,15 +88,7 @@ class BusSession:
             has_waited = True
 
         reads, writes = ((), topics.ALL) if self.speaks else (topics.ALL, ())
-        service = Service(
-            self.command,
-            msgspec.Struct,
-            reads,
-            writes,
-            _worked_on_by_the_command,
-            "a command at work",
-            asks=topics.QUERIES,
-        )
+        service = guest(self.command, "a command at work", reads=reads, writes=writes, asks=topics.QUERIES)
         return await ZenohNode.open(
             service, self.place, self.command, LiveClock(), bus, on_waiting=waiting, announced=self.speaks
         )

@@ -24,8 +24,9 @@ from schemas.radio import RadioEvent
 from schemas.topic import Place
 from schemas.topics import BRIDGE_STATUS, RADIO_EVENT, STORE
 from services.runtime.clock import LiveClock
-from services.runtime.host_config import BusConfig, Settings
-from services.runtime.node import Arrival, Node, Service
+from services.runtime.guest import guest
+from services.runtime.host_config import BusConfig
+from services.runtime.node import Arrival
 from services.runtime.process_end import StopSignals, end_process
 from services.runtime.question import NoAnswerError, RefusedError
 from services.runtime.state_dir import prepare, state_dir
@@ -40,20 +41,7 @@ AWAY_S: Final = 20.0
 BACKLOG_EVERY_S: Final = 5.0
 STOP_S: Final = 6.0
 TRAIN, CLOUD = Place("demo", "train", "T1"), Place("demo", "cloud", "C1")
-
-
-class _NoConfig(Settings, frozen=True, kw_only=True):
-    """Nothing to set."""
-
-
-async def _shown_by_the_command(node: Node, config: _NoConfig) -> None:
-    """Nothing: the command reads by itself."""
-    del node, config
-
-
-LISTENER = Service(
-    "demo", _NoConfig, (RADIO_EVENT, BRIDGE_STATUS), (), _shown_by_the_command, "shows a demonstration", asks=(STORE,)
-)
+LISTENER = guest("demo", "shows a demonstration", reads=(RADIO_EVENT, BRIDGE_STATUS), asks=(STORE,))
 
 
 @dataclass(slots=True)

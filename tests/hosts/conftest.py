@@ -7,7 +7,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from benchmarks.bridge_hosts import Hosts, NoHostsError, two_hosts
+from benchmarks.two_hosts import Hosts, NoHostsError, two_hosts
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.bridge_hosts import Hosts
 from benchmarks.bridge_scene import SLOWEST_HZ, Scene
+from benchmarks.two_hosts import Hosts
 from services.lte_bridge.spool_store import Spool
 from tests.unit.lte_bridge.records import record
 

@@ -19,9 +19,9 @@ from services.cloud_analyzer.duckdb_store import DuckDbStore
 from services.cloud_analyzer.ingest import Ingest
 from services.cloud_analyzer.service import SERVICE, Config
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service
 from services.runtime.question import NoAnswerError, RefusedError
 from tests.unit.cloud_analyzer.batches import BRIDGE, DAY_NS, NOW_NS, STEP_NS, batch, measurement, service_event
 from tests.unit.cloud_analyzer.radio_days import END_NS, FAULT_NS, bring
@@ -30,28 +30,12 @@ CLOUD = Place("demo", "cloud", "C1")
 HOUR_NS = 3_600_000_000_000
 
 
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
 def sent(records: Sequence[BridgedRecord], first: int = 0, bridge: str = BRIDGE) -> BridgeBatch:
     """A batch from a bridge whose clock is ours."""
     return batch(records, first, bridge, sent_ns=NOW_NS + DAY_NS)
 
 
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-ASKER = Service(
-    "asker",
-    NoConfig,
-    (RADIO_MEASUREMENT, SERVICE_EVENT),
-    (),
-    _idle,
-    "asks and listens",
-    asks=(INGEST, STORE, HISTORY_TASK),
-)
+ASKER = guest("asker", "asks and listens", reads=(RADIO_MEASUREMENT, SERVICE_EVENT), asks=(INGEST, STORE, HISTORY_TASK))
 
 
 def with_analyzer(

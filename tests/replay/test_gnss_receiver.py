@@ -6,7 +6,6 @@ import asyncio
 import itertools
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -19,9 +18,10 @@ from services.gnss_receiver.rinex_error import RinexError
 from services.gnss_receiver.rinex_observation_file import read_observations
 from services.gnss_receiver.service import SERVICE, Config
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Arrival, Node, Service
+from services.runtime.node import Arrival
 from tests.unit.gnss_receiver.navigation_samples import GPS, changed, record_3
 from tests.unit.gnss_receiver.navigation_samples import header_3 as navigation_header
 from tests.unit.gnss_receiver.samples import epoch_3, header_3, header_line, text_of
@@ -29,19 +29,7 @@ from tests.unit.gnss_receiver.samples import epoch_3, header_3, header_line, tex
 TRAIN = Place("demo", "train", "T1")
 Message = Epoch | Ephemeris | Ionosphere
 START_NS = 1_800_000_000 * 10**9
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-READER = Service(
-    "reader", NoConfig, reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE), writes=(), run=_idle, about="listens"
-)
+READER = guest("reader", "listens", reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE))
 
 
 class Played:

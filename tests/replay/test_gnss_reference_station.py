@@ -7,7 +7,6 @@ import socket
 from math import radians
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from schemas.gnss import Corrections, Ephemeris, Epoch
@@ -25,9 +24,9 @@ from services.gnss_reference.service import SERVICE, Config, RtcmOut
 from services.gnss_reference.station_place import StationPlace
 from services.numerics.geodesy import ecef_from_geodetic
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service
 from tests.unit.gnss_correction.made_up_sky import PLACE_DEG, PLACE_M, START_S, constellation, measured
 from tests.unit.gnss_receiver.stream_samples import listen
 
@@ -38,17 +37,7 @@ DAY = "2024-02-06"
 """The made-up week 2300 begins on 2024-02-04; START_S is on Tuesday."""
 NEAR_NS = 1_707_220_800 * 10**9
 PLACE = (float(PLACE_M[0]), float(PLACE_M[1]), float(PLACE_M[2]))
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-READER = Service("reader", NoConfig, reads=(GNSS_CORRECTION,), writes=(), run=_idle, about="listens")
+READER = guest("reader", "listens", reads=(GNSS_CORRECTION,))
 
 
 def sky() -> list[Ephemeris]:

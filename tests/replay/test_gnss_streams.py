@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import Callable
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from schemas.gnss import Ephemeris, Epoch, Ionosphere, OwnPosition
@@ -23,9 +22,9 @@ from services.gnss_receiver.rtcm_messages import framed
 from services.gnss_receiver.rtcm_station import write_station
 from services.gnss_receiver.service import SERVICE, Config
 from services.runtime.clock import LiveClock, ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service
 from tests.unit.gnss_receiver.broadcast_samples import kepler
 from tests.unit.gnss_receiver.stream_samples import NEAR_NS, TOW_S, WEEK, epoch, gga, pvt, rawx, rmc, rtcm_of
 from tests.unit.gnss_receiver.test_ubx_stream import ROWS
@@ -35,15 +34,7 @@ TOPICS = (GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE, GNSS_OWN_POSITION)
 Message = Epoch | Ephemeris | Ionosphere | OwnPosition
 
 
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-READER = Service("reader", NoConfig, reads=TOPICS, writes=(), run=_idle, about="listens")
+READER = guest("reader", "listens", reads=TOPICS)
 EPOCHS = rtcm_of([epoch(TOW_S + second) for second in range(4)])
 ROWS_OF_GPS = [("G03", "1C", 2.4e7), ("G04", "1C", 2.3e7)]
 EPHEMERIS = framed(write_ephemeris(kepler("G05")))

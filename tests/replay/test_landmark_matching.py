@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-import msgspec
-
 from schemas.codec import decode, encode
 from schemas.line import LandmarkDatabase
 from schemas.motion import Odometry
@@ -17,24 +15,15 @@ from services.landmark_matching.landmarks_file import write_landmarks
 from services.landmark_matching.service import SERVICE, Config
 from services.recorder.offline_replay import replay_through
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Sample, Service
+from services.runtime.node import Sample
 from tests.unit.landmark_matching.demo_runs import demo_landmarks, demo_run, true_axis
 from tests.unit.landmark_matching.live_messages import T0_NS, both_of, position_of
 
 TRAIN = Place("demo", "train", "T1")
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-WRITER = Service("writer", NoConfig, reads=(), writes=(TRAIN_POSITION,), run=_idle, about="speaks")
+WRITER = guest("writer", "speaks", writes=(TRAIN_POSITION,))
 
 
 def recorded() -> list[Sample]:

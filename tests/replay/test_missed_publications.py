@@ -6,33 +6,23 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
 from schemas.codec import decode
 from schemas.radio import Weather
 from schemas.topics import WEATHER
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig
 from services.runtime.manual_loop import manual_loop
 from services.runtime.memory_node import EVENT_CACHE, MemoryNode
-from services.runtime.node import Node, Service
+from services.runtime.node import Service
 from tests.replay.test_lte_bridge import TO_CLOUD, Running, World
 from tests.unit.lte_bridge.records import TRAIN
 
 KEY = WEATHER.at(TRAIN)
 LONG = 3 * EVENT_CACHE
 OTHERS = 1_000_000
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-SPEAKER: Service[Any] = Service("weather", NoConfig, (), (WEATHER,), _idle, "says what is kept")
+SPEAKER: Service[Any] = guest("weather", "says what is kept", writes=(WEATHER,))
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ import threading
 from pathlib import Path
 
 import can
-import msgspec
 import numpy as np
 import pytest
 
@@ -22,6 +21,7 @@ from services.motion_sensors.sensor_stream import Chunk
 from services.motion_sensors.service import SERVICE, MotionSensors
 from services.motion_sensors.settings import AxleInput, CanSource, Config, ImuInput
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
 from services.runtime.node import Node, Service
@@ -30,17 +30,7 @@ TRAIN = Place("demo", "train", "T1")
 NOW_NS = 1_800_000_000 * 10**9
 Message = ImuBlock | TachoBlock | MotionWarning
 TCP = TcpSource(host="127.0.0.1", port=1)
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-READER = Service("reader", NoConfig, reads=(IMU, TACHO, MOTION_WARNING), writes=(), run=_idle, about="listens")
+READER = guest("reader", "listens", reads=(IMU, TACHO, MOTION_WARNING))
 
 
 class ScriptedLine:

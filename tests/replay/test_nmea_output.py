@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import socket
 
-import msgspec
 from msgspec.structs import replace
 
 from schemas.topic import Place
@@ -13,25 +12,15 @@ from schemas.topics import GNSS_FIX
 from services.nmea_output.sentences import sentences
 from services.nmea_output.service import SERVICE, Config
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service
 from tests.unit.nmea_output.test_sentences import FIX
 
 TRAIN = Place("demo", "train", "T1")
 LIMIT_S = 5.0
 """Longest wait for anything; reached only when a test fails."""
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-WRITER = Service("writer", NoConfig, reads=(), writes=(GNSS_FIX,), run=_idle, about="speaks")
+WRITER = guest("writer", "speaks", writes=(GNSS_FIX,))
 
 
 def read(client: socket.socket, count: int) -> bytes:

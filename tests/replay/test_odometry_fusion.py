@@ -18,25 +18,15 @@ from services.odometry_fusion.row_messages import episode_of, odometry_of
 from services.odometry_fusion.service import SERVICE
 from services.odometry_fusion.settings import Config
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service
 from tests.unit.odometry_fusion.test_paper_runs import CONFIG, run_of
 from tests.unit.odometry_fusion.test_shell_live import START_NS, blocks_of
 
 TRAIN = Place("demo", "train", "T1")
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-WRITER = Service("writer", NoConfig, reads=(), writes=(IMU, TACHO, WHEEL_SCALE), run=_idle, about="speaks")
-READER = Service("reader", NoConfig, reads=(ODOMETRY, SLIP_EPISODE), writes=(), run=_idle, about="hears")
+WRITER = guest("writer", "speaks", writes=(IMU, TACHO, WHEEL_SCALE))
+READER = guest("reader", "hears", reads=(ODOMETRY, SLIP_EPISODE))
 
 
 class Heard:

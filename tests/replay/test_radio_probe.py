@@ -22,27 +22,16 @@ from services.byte_source.settings import TcpSource
 from services.radio_probe.service import SERVICE
 from services.radio_probe.settings import Band, Config, RadioInput
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import ManualLoop, manual_loop
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Service
 
 NS = 10**9
 START_NS = 1_793_000_000 * NS
 TRAIN = Place("demo", "train", "T1")
 SITE = Place("demo", "wayside", "R02")
-
-
-async def _no_run(_node: object, _config: object) -> None:
-    return
-
-
-OUTSIDE = Service(
-    "outside",
-    Config,
-    reads=(RADIO_MEASUREMENT, WEATHER),
-    writes=(RADIO_READING, TRAIN_POSITION),
-    run=_no_run,
-    about="",
+OUTSIDE = guest(
+    "outside", "speaks and listens", reads=(RADIO_MEASUREMENT, WEATHER), writes=(RADIO_READING, TRAIN_POSITION)
 )
 
 

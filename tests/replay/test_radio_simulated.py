@@ -25,9 +25,9 @@ from schemas.topics import (
 from services.radio_probe.service import SERVICE as PROBE
 from services.radio_probe.settings import Config as ProbeConfig
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import ManualLoop, manual_loop
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Service
 from services.simulator.radio_wayside_file import WaysideRadioSettings
 from services.simulator.service import SERVICE, Config
 
@@ -60,18 +60,7 @@ radio = "R03"
 """
 
 
-async def _no_run(_node: object, _config: object) -> None:
-    return
-
-
-OUTSIDE = Service(
-    "outside",
-    Config,
-    reads=(RADIO_READING, WEATHER),
-    writes=(SIMULATOR_FAULT, MOTION_TRUTH),
-    run=_no_run,
-    about="",
-)
+OUTSIDE = guest("outside", "speaks and listens", reads=(RADIO_READING, WEATHER), writes=(SIMULATOR_FAULT, MOTION_TRUTH))
 
 
 class Stage:
@@ -206,7 +195,9 @@ def test_a_wayside_radio_hears_the_trains_that_pass() -> None:
 def test_measurements_are_placed_where_the_simulated_train_was(tmp_path: Path) -> None:
     with manual_loop() as loop:
         stage = Stage(loop, TRAIN, Config(scenario=scenario(tmp_path, DRY)))
-        ears = Service("ears", Config, (MOTION_TRUTH, RADIO_MEASUREMENT), (TRAIN_POSITION,), _no_run, "")
+        ears = guest(
+            "ears", "listens, and is the train", reads=(MOTION_TRUTH, RADIO_MEASUREMENT), writes=(TRAIN_POSITION,)
+        )
         node = MemoryNode(stage.bus, ears, TRAIN, stage.clock)
         probe = MemoryNode(stage.bus, PROBE, TRAIN, stage.clock)
         truths: list[MotionTruth] = []

@@ -21,17 +21,13 @@ from services.recorder.live_replay import (
 from services.recorder.mcap_file import Lane, lay
 from services.runtime.attachment import Attachment, decode_attachment
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import manual_loop
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Sample, Service
+from services.runtime.node import Sample
 from tests.unit.recorder.samples import START_NS, truth_sample
 
-
-async def _idle(node: Node, config: ReplayConfig) -> None:
-    del node, config
-
-
-REPLAY = Service("replay", ReplayConfig, (), topics.ALL, _idle, "a replay")
+REPLAY = guest("replay", "a replay", writes=topics.ALL)
 NOW_NS = START_NS + 86_400 * 10**9
 """A day after the recording."""
 

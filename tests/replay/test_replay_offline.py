@@ -17,6 +17,7 @@ from schemas.topic import Place
 from services.recorder.mcap_file import RecordingWriter
 from services.recorder.offline_replay import ReplayError, replay_through
 from services.runtime.attachment import Attachment, decode_attachment, encode_attachment
+from services.runtime.guest import guest
 from services.runtime.node import Node, Sample, Service
 from tests.unit.recorder.samples import START_NS, TICK_NS, truth_sample
 
@@ -183,11 +184,8 @@ def test_a_service_that_does_not_end_is_named() -> None:
 
 
 def test_a_service_of_another_kind_of_place_needs_to_be_told_where() -> None:
-    async def idle(node: Node, config: TickerConfig) -> None:
-        del node, config
-
     reads = (topics.SERVICE_EVENT,)
-    service = Service("onboard", TickerConfig, reads, (topics.GNSS_FIX,), idle, "a test's service")
+    service = guest("onboard", "a test's service", reads=reads, writes=(topics.GNSS_FIX,))
     event = Sample("kirotei/v1/demo/wayside/W1/event/x", b"", b"", START_NS)
     with pytest.raises(ReplayError, match=r"onboard works at a train, not at demo/wayside/W1: say where with --place"):
         replay_through([event], [service])

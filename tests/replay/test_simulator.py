@@ -15,29 +15,16 @@ from schemas.position import TrainTruth
 from schemas.topic import Place
 from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, TRAIN_TRUTH
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import ManualLoop, manual_loop
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Service
 from services.simulator.scenario_file import read_scenario
 from services.simulator.service import SERVICE, Config
 from services.simulator.simulation import Simulation
 
 START_NS = unix_ns_from_gps(2412, 190_799.93)
 PLACE = Place("demo", "train", "T1")
-
-
-async def _no_run(_node: object, _config: object) -> None:
-    return
-
-
-LISTENER = Service(
-    "listener",
-    Config,
-    reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE, TRAIN_TRUTH),
-    writes=(),
-    run=_no_run,
-    about="",
-)
+LISTENER = guest("listener", "listens", reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE, TRAIN_TRUTH))
 
 
 class Stage:

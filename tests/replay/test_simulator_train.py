@@ -26,9 +26,9 @@ from schemas.topics import (
     TRAIN_TRUTH,
 )
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import ManualLoop, manual_loop
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Service
 from services.simulator.service import SERVICE, Config
 
 START_NS = unix_ns_from_gps(2412, 190_799.93)
@@ -43,19 +43,11 @@ start_axis_m = 250.0
 dwell_s = [2.0, 2.0]
 """
 GNSS = DRY + "[gnss]\n"
-
-
-async def _no_run(_node: object, _config: object) -> None:
-    return
-
-
-OUTSIDE = Service(
+OUTSIDE = guest(
     "outside",
-    Config,
+    "speaks and listens",
     reads=(IMU, TACHO, BALISE, MOTION_TRUTH, TRAIN_CHANGE, GNSS_EPOCH, GNSS_EPHEMERIS, TRAIN_TRUTH),
     writes=(SIMULATOR_FAULT,),
-    run=_no_run,
-    about="",
 )
 
 

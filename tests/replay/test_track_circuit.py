@@ -32,9 +32,9 @@ from schemas.track_circuit import (
     Telegram,
 )
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service
 from services.simulator.track_circuit_scene import SimulatedCircuit
 from services.simulator.track_circuit_settings import Occupation, TrackCircuitSettings
 from services.track_circuit.coefficients_store import read_store, store_path
@@ -48,17 +48,9 @@ TRAIN = Place("demo", "train", "T1")
 M = TypeVar("M", bound=Message)
 
 
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
 HEARD = (TRACK_TELEGRAM, TRACK_CODE, TRACK_EQUALISER, TRACK_OCCUPANCY, TRACK_HEALTH, TRACK_EVENT)
-WRITER = Service("writer", NoConfig, (), (TRACK_SAMPLES, TRACK_CONFIRMATION, TRAIN_POSITION), run=_idle, about="speaks")
-READER = Service("reader", NoConfig, HEARD, (), run=_idle, about="hears")
+WRITER = guest("writer", "speaks", writes=(TRACK_SAMPLES, TRACK_CONFIRMATION, TRAIN_POSITION))
+READER = guest("reader", "hears", reads=HEARD)
 
 
 class Heard:

@@ -13,9 +13,9 @@ from schemas.topic import Place
 from schemas.topics import TRACK_CONFIRMATION, TRACK_EVENT, TRACK_OCCUPANCY
 from schemas.track_circuit import CircuitEvent, CircuitOccupancy, ClearConfirmation, Telegram
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service
 from services.simulator.service import SERVICE as SIMULATOR
 from services.simulator.service import Config as SimulatorConfig
 from services.simulator.track_circuit_scene import SimulatedCircuit
@@ -126,16 +126,8 @@ def test_the_scene_knows_when_it_changes() -> None:
     assert SimulatedCircuit(TrackCircuitSettings()).unchanged_until_s == float("inf")
 
 
-class Nothing(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: Nothing) -> None:
-    del node, config
-
-
-READER = Service("reader", Nothing, (TRACK_CONFIRMATION,), (), run=_idle, about="hears")
-TELLER = Service("teller", Nothing, (), (TRACK_OCCUPANCY, TRACK_EVENT), run=_idle, about="speaks")
+READER = guest("reader", "hears", reads=(TRACK_CONFIRMATION,))
+TELLER = guest("teller", "speaks", writes=(TRACK_OCCUPANCY, TRACK_EVENT))
 
 
 def test_a_simulated_circuit_is_confirmed_until_a_train_comes() -> None:

@@ -7,7 +7,6 @@ import json
 from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any, TypeVar
 
-import msgspec
 import zenoh
 
 from schemas import topics
@@ -17,8 +16,9 @@ from schemas.message import Message
 from schemas.position import TrainTruth
 from schemas.topic import Place, Topic
 from services.runtime.clock import Clock, LiveClock
+from services.runtime.guest import Guest, guest
 from services.runtime.host_config import BusConfig
-from services.runtime.node import Arrival, Node, Service
+from services.runtime.node import Arrival
 from services.runtime.zenoh_node import ZenohNode
 from services.runtime.zenoh_session import close_session
 
@@ -30,16 +30,8 @@ STEP_S = 0.01
 STREAM, STATE, KEPT = topics.TRAIN_TRUTH, topics.GNSS_FIX, topics.SERVICE_EVENT
 
 
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-def service(name: str, reads: tuple[Topic[Any], ...] = (), writes: tuple[Topic[Any], ...] = ()) -> Service[NoConfig]:
-    return Service(name, NoConfig, reads, writes, _idle, "a test's service")
+def service(name: str, reads: tuple[Topic[Any], ...] = (), writes: tuple[Topic[Any], ...] = ()) -> Guest:
+    return guest(name, "a test's service", reads=reads, writes=writes)
 
 
 def truth(t_ns: int, surroundings: str = "") -> TrainTruth:

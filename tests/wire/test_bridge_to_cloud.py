@@ -17,14 +17,14 @@ from schemas.runs import RunRecord
 from schemas.topic import Place
 from schemas.topics import RADIO_MEASUREMENT, RUN_RECORD, SERVICE_EVENT, STORE
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig
-from services.runtime.node import Node, Service
 from services.runtime.question import NoAnswerError, RefusedError
 from services.runtime.zenoh_node import ZenohNode
 from tests.unit.cloud_analyzer.batches import measurement
 from tests.wire.ports import free_port
 from tests.wire.processes import Running, running, write_profile
-from tests.wire.stage import NoConfig, event
+from tests.wire.stage import event
 
 CLI = ("-m", "services.cli")
 CLOUD, TRAIN = Place("demo", "cloud", "C1"), Place("demo", "train", "T1")
@@ -33,14 +33,8 @@ COUNT = 1500
 """Measurements; there is an event with every tenth."""
 LIMIT_S = 90.0
 """For everything to arrive on a busy machine."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-WRITER = Service("writer", NoConfig, (), (RADIO_MEASUREMENT, SERVICE_EVENT, RUN_RECORD), _idle, "a test's sensor")
-ASKER = Service("asker", NoConfig, (RADIO_MEASUREMENT, SERVICE_EVENT), (), _idle, "asks and listens", asks=(STORE,))
+WRITER = guest("writer", "a test's sensor", writes=(RADIO_MEASUREMENT, SERVICE_EVENT, RUN_RECORD))
+ASKER = guest("asker", "asks and listens", reads=(RADIO_MEASUREMENT, SERVICE_EVENT), asks=(STORE,))
 
 
 @contextmanager

@@ -14,27 +14,21 @@ from schemas.topic import Place
 from schemas.topics import INGEST, RADIO_MEASUREMENT
 from services.radio_anomaly.radio_model_file import read_model
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig
-from services.runtime.node import Node, Service
+from services.runtime.node import Node
 from services.runtime.question import NoAnswerError, RefusedError
 from services.runtime.zenoh_node import ZenohNode
 from tests.unit.cloud_analyzer.batches import STEP_NS, batch, measurement
 from tests.wire.ports import free_port
 from tests.wire.processes import running
-from tests.wire.stage import NoConfig
 
 CLI = ("-m", "services.cli")
 CLOUD = Place("demo", "cloud", "C1")
 LIMIT_S = 60.0
 """For anything to happen on a busy machine."""
 EACH, BATCHES = 40, 12
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-BRIDGE = Service("bridge", NoConfig, (RADIO_MEASUREMENT,), (), _idle, "a test's bridge", asks=(INGEST,))
+BRIDGE = guest("bridge", "a test's bridge", reads=(RADIO_MEASUREMENT,), asks=(INGEST,))
 
 
 async def bring(node: Node, number: int, begin_ns: int) -> int:

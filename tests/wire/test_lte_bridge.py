@@ -23,13 +23,14 @@ from schemas.topics import SERVICE_EVENT, WEATHER
 from services.lte_bridge.batch import unpacked
 from services.runtime.attachment import decode_attachment
 from services.runtime.clock import LiveClock
+from services.runtime.guest import Guest, guest
 from services.runtime.host_config import BusConfig, RouterConfig
-from services.runtime.node import Arrival, Node, Service
+from services.runtime.node import Arrival
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 from tests.wire.ports import free_port
 from tests.wire.processes import ROOT
-from tests.wire.stage import TRAIN, NoConfig
+from tests.wire.stage import TRAIN
 
 KEYS = {"event": SERVICE_EVENT.at(TRAIN, service="speaker"), "weather": WEATHER.at(TRAIN)}
 FEW, AWAY = 10, 3000
@@ -40,14 +41,8 @@ KILLS = int(os.environ.get("KIROTEI_BRIDGE_KILLS", "10"))
 SEED = int(os.environ.get("KIROTEI_BRIDGE_SEED", "1"))
 ENOUGH_S = 90.0
 """For the last backlog on a machine that stalls; reached only when the test fails."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-SPEAKER = Service("speaker", NoConfig, (), (SERVICE_EVENT, WEATHER), _idle, "speaks")
-LISTENER = Service("listener", NoConfig, (SERVICE_EVENT, WEATHER), (), _idle, "listens")
+SPEAKER = guest("speaker", "speaks", writes=(SERVICE_EVENT, WEATHER))
+LISTENER = guest("listener", "listens", reads=(SERVICE_EVENT, WEATHER))
 
 
 def write_profile(folder: Path, place: Place, port: int, settings: str) -> Path:
@@ -217,7 +212,7 @@ def waiting_in(path: Path) -> dict[str, list[int]]:
     return found
 
 
-async def open_node(service: Service[NoConfig], place: Place, port: int) -> ZenohNode:
+async def open_node(service: Guest, place: Place, port: int) -> ZenohNode:
     bus = BusConfig(connect=(f"tcp/127.0.0.1:{port}",))
     return await ZenohNode.open(service, place, service.name, LiveClock(), bus)
 

@@ -13,22 +13,17 @@ from schemas.codec import encode
 from schemas.topic import Place
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import LiveClock
+from services.runtime.guest import Guest, guest
 from services.runtime.host_config import BusConfig
-from services.runtime.node import Node, Sample, Service
+from services.runtime.node import Sample
 from services.runtime.question import NoAnswerError, RefusedError
 from services.runtime.zenoh_node import ZenohNode
-from tests.wire.stage import KEPT, LIMIT_S, STEP_S, TRAIN, NoConfig, event, take
+from tests.wire.stage import KEPT, LIMIT_S, STEP_S, TRAIN, event, take
 
 pytestmark = pytest.mark.usefixtures("router")
 CLOUD = Place("demo", "cloud", "C1")
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-ASKER = Service("asker", NoConfig, (), (), _idle, "asks", asks=(topics.INGEST,))
-STORE = Service("store", NoConfig, (KEPT,), (), _idle, "answers", answers=(topics.INGEST,), mirrors=True)
+ASKER = guest("asker", "asks", asks=(topics.INGEST,))
+STORE = guest("store", "answers", reads=(KEPT,), answers=(topics.INGEST,), mirrors=True)
 COMPRESSED = bytes(range(256)) * 1024
 """A quarter of a megabyte."""
 
@@ -50,7 +45,7 @@ async def answer_all(store: ZenohNode) -> None:
             await question.answer(reply)
 
 
-async def open_node(service: Service[NoConfig], place: Place, endpoint: str) -> ZenohNode:
+async def open_node(service: Guest, place: Place, endpoint: str) -> ZenohNode:
     bus = BusConfig(connect=(endpoint,))
     return await ZenohNode.open(service, place, service.name, LiveClock(), bus, announced=False)
 

@@ -21,28 +21,22 @@ from services.radio_anomaly.service import SERVICE, Config
 from services.radio_anomaly.settings import Settings
 from services.recorder.offline_replay import replay_through
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig, RouterConfig
-from services.runtime.node import Node, Service
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 from tests.replay.test_radio_anomaly import message_of, sample
 from tests.unit.radio_anomaly.made_up import one_pass
 from tests.wire.ports import free_port
 from tests.wire.processes import PATIENCE_S, running, write_profile
-from tests.wire.stage import TRAIN, NoConfig
+from tests.wire.stage import TRAIN
 
 LIMIT_S = 2.0 * PATIENCE_S
 LEARNED = 24
 STRETCH = (15, 25)
 BEGUN = 10
 """Readings of the last pass: with the last of them its fourth section begins, and it is looked at."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-PROBE = Service("radio_probe", NoConfig, (RADIO_EVENT, RADIO_SECTION), (RADIO_MEASUREMENT,), _idle, "a test's probe")
+PROBE = guest("radio_probe", "a test's probe", reads=(RADIO_EVENT, RADIO_SECTION), writes=(RADIO_MEASUREMENT,))
 
 
 async def until(met: Callable[[], bool]) -> None:

@@ -16,8 +16,9 @@ from schemas.radio import RadioMeasurement
 from schemas.topic import Place
 from schemas.topics import RADIO_MEASUREMENT, TRAIN_POSITION
 from services.runtime.clock import LiveClock
-from services.runtime.host_config import BusConfig, RouterConfig, Settings
-from services.runtime.node import Arrival, Node, Service
+from services.runtime.guest import guest
+from services.runtime.host_config import BusConfig, RouterConfig
+from services.runtime.node import Arrival
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 from tests.wire.ports import free_port
@@ -25,17 +26,7 @@ from tests.wire.processes import PATIENCE_S, running, write_profile
 
 ROWS: Final = 50
 TRAIN: Final = Place("demo", "train", "T1")
-
-
-class NoConfig(Settings, frozen=True, kw_only=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-READER: Final = Service("reader", NoConfig, (RADIO_MEASUREMENT,), (TRAIN_POSITION,), _idle, "listens, and is the train")
+READER: Final = guest("reader", "listens, and is the train", reads=(RADIO_MEASUREMENT,), writes=(TRAIN_POSITION,))
 
 
 @contextmanager

@@ -20,18 +20,15 @@ from services.recorder.mcap_file import RecordingWriter
 from services.recorder.part_file import PartFile
 from services.recorder.recording_file import read_recording, require_complete
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig, RouterConfig
-from services.runtime.node import Node, Sample, Service
+from services.runtime.node import Sample
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 from tests.unit.recorder.samples import TRAIN, truth_sample
 from tests.wire.ports import free_port
 
 LIMIT_S = 30.0
-
-
-async def _idle(node: Node, config: object) -> None:
-    del node, config
 
 
 @pytest.fixture
@@ -44,7 +41,7 @@ def endpoint() -> Iterator[str]:
 
 @asynccontextmanager
 async def joined(name: str, endpoint: str, place: Place = TRAIN) -> AsyncIterator[ZenohNode]:
-    service: Service[object] = Service(name, object, topics.ALL, topics.ALL, _idle, "a test's service")  # type: ignore[type-var]  # it has no configuration
+    service = guest(name, "a test's service", reads=topics.ALL, writes=topics.ALL)
     node = await ZenohNode.open(service, place, name, LiveClock(), BusConfig(connect=(endpoint,)))
     try:
         yield node

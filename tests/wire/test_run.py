@@ -16,8 +16,8 @@ import pytest
 from schemas.topic import Place
 from schemas.topics import SERVICE_EVENT
 from services.runtime.clock import LiveClock
-from services.runtime.host_config import BusConfig, RouterConfig, Settings
-from services.runtime.node import Node, Service
+from services.runtime.guest import guest
+from services.runtime.host_config import BusConfig, RouterConfig
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 from tests.wire.ports import free_port
@@ -41,16 +41,8 @@ def profile(tmp_path: Path, port: int) -> Iterator[Path]:
         yield write_profile(tmp_path, port)
 
 
-class NoConfig(Settings, frozen=True, kw_only=True):
-    """Nothing to set."""
-
-
-async def _read(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
 async def test_a_service_that_raises_ends_with_code_1_and_tells_the_bus(profile: Path, port: int) -> None:
-    reader = Service("reader", NoConfig, (SERVICE_EVENT,), (), _read, "listens")
+    reader = guest("reader", "listens", reads=(SERVICE_EVENT,))
     bus = BusConfig(connect=(f"tcp/127.0.0.1:{port}",))
     node = await ZenohNode.open(reader, Place("demo", "cloud", "test"), "reader", LiveClock(), bus, announced=False)
     told = node.arrivals(SERVICE_EVENT, anywhere=True)

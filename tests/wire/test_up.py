@@ -17,8 +17,9 @@ from schemas.position import TrainTruth
 from schemas.topic import Place
 from schemas.topics import TRAIN_TRUTH
 from services.runtime.clock import LiveClock
-from services.runtime.host_config import BusConfig, RouterConfig, Settings
-from services.runtime.node import Arrival, Node, Service
+from services.runtime.guest import guest
+from services.runtime.host_config import BusConfig, RouterConfig
+from services.runtime.node import Arrival, Node
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 from tests.wire.ports import free_port
@@ -28,14 +29,6 @@ UP = ("-m", "tests.wire.lives_up")
 CLI = ("-m", "services.cli")
 END_S = 4.0
 """Three seconds for services and router, and what the operating system takes on a busy machine."""
-
-
-class NoConfig(Settings, frozen=True, kw_only=True):
-    """Nothing to set."""
-
-
-async def _read(node: Node, config: NoConfig) -> None:
-    del node, config
 
 
 @pytest.fixture
@@ -70,7 +63,7 @@ def _processes_naming(path: Path) -> list[int]:
 @asynccontextmanager
 async def listening(port: int) -> AsyncIterator[tuple[Node, AsyncIterator[Arrival[TrainTruth]]]]:
     """A reader of the line through the router at a port, and the truths that it hears."""
-    reader = Service("reader", NoConfig, (TRAIN_TRUTH,), (), _read, "listens")
+    reader = guest("reader", "listens", reads=(TRAIN_TRUTH,))
     bus = BusConfig(connect=(f"tcp/127.0.0.1:{port}",))
     node = await ZenohNode.open(reader, Place("demo", "cloud", "test"), "reader", LiveClock(), bus, announced=False)
     try:

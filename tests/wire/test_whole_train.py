@@ -29,8 +29,9 @@ from services.line.alignment import alignment_of
 from services.line.built_in_file import built_in_line
 from services.line.landmarks import landmarks_of
 from services.runtime.clock import LiveClock
-from services.runtime.host_config import BusConfig, Settings
-from services.runtime.node import Node, Service
+from services.runtime.guest import guest
+from services.runtime.host_config import BusConfig
+from services.runtime.node import Node
 from services.runtime.zenoh_node import ZenohNode
 from tests.wire.ports import free_port
 from tests.wire.processes import Running, running, write_profile
@@ -66,14 +67,6 @@ STALLED = (
 """A part of what is truly said when a busy machine holds a process up for more than a second."""
 LEAST_POSITIONS = 200
 """Twenty seconds, from before the slide until after the restart."""
-
-
-class NoConfig(Settings, frozen=True, kw_only=True):
-    """Nothing to set."""
-
-
-async def _read(node: Node, config: NoConfig) -> None:
-    del node, config
 
 
 class Ear:
@@ -131,7 +124,7 @@ class Ear:
 async def beside(port: int) -> AsyncIterator[Node]:
     """A node of the train that reads the position and may speak as landmark matching."""
     topics = (TRAIN_POSITION, MOTION_TRUTH, SLIP_EPISODE, POSITION_EVENT, HEALTH)
-    reader = Service("reader", NoConfig, topics, (LANDMARK_MATCH,), _read, "listens")
+    reader = guest("reader", "listens", reads=topics, writes=(LANDMARK_MATCH,))
     bus = BusConfig(connect=(f"tcp/127.0.0.1:{port}",))
     node = await ZenohNode.open(reader, Place("demo", "train", "T1"), "reader", LiveClock(), bus, announced=False)
     try:

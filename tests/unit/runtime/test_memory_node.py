@@ -13,19 +13,12 @@ from schemas.message import Message
 from schemas.position import TrainTruth
 from schemas.topic import Place, Topic
 from services.runtime.clock import ManualClock
+from services.runtime.guest import Guest, guest
 from services.runtime.manual_loop import DeadlockError, ManualLoop, manual_loop, run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Service, UndeclaredTopicError
+from services.runtime.node import UndeclaredTopicError
 
 TRAIN = Place("demo", "train", "T1")
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
 
 
 def truth(t_ns: int) -> TrainTruth:
@@ -34,10 +27,8 @@ def truth(t_ns: int) -> TrainTruth:
     )
 
 
-def service(
-    name: str, reads: tuple[Topic[Message], ...] = (), writes: tuple[Topic[Message], ...] = ()
-) -> Service[NoConfig]:
-    return Service(name, NoConfig, reads, writes, _idle, "a test's service")
+def service(name: str, reads: tuple[Topic[Message], ...] = (), writes: tuple[Topic[Message], ...] = ()) -> Guest:
+    return guest(name, "a test's service", reads=reads, writes=writes)
 
 
 def test_messages_arrive_in_order_with_their_sender() -> None:

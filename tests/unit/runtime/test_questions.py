@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-import msgspec
 import pytest
 
 from schemas import topics
@@ -15,27 +14,18 @@ from schemas.health import ServiceEvent
 from schemas.topic import Place, TopicError
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import ManualClock
+from services.runtime.guest import Guest, guest
 from services.runtime.host_config import BusConfig
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Sample, Service, UndeclaredTopicError
+from services.runtime.node import Sample, UndeclaredTopicError
 from services.runtime.question import NoAnswerError, Question, RefusedError
 
 TRAIN, CLOUD = Place("demo", "train", "T1"), Place("demo", "cloud", "C1")
 FAR = BusConfig(connect=("tcp/10.0.0.1:7447",))
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-ASKER = Service("asker", NoConfig, (), (), _idle, "asks", asks=(topics.INGEST,))
-STORE = Service("store", NoConfig, (), (), _idle, "answers", answers=(topics.INGEST,))
-MIRROR = Service("mirror", NoConfig, (topics.SERVICE_EVENT,), (), _idle, "says again", mirrors=True)
+ASKER = guest("asker", "asks", asks=(topics.INGEST,))
+STORE = guest("store", "answers", answers=(topics.INGEST,))
+MIRROR = guest("mirror", "says again", reads=(topics.SERVICE_EVENT,), mirrors=True)
 
 
 def batch(first: int) -> BridgeBatch:
@@ -46,7 +36,7 @@ def acknowledgement(through: int) -> BridgeAcknowledgement:
     return BridgeAcknowledgement(t_ns=2, bridge="b", lane="events", spool_id="s", through=through)
 
 
-def node(bus: MemoryBus, service: Service[NoConfig], place: Place) -> MemoryNode:
+def node(bus: MemoryBus, service: Guest, place: Place) -> MemoryNode:
     return MemoryNode(bus, service, place, ManualClock(asyncio.get_running_loop(), 1_000))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import itertools
 
-import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,23 +15,16 @@ from schemas.topic import Place
 from schemas.topics import HEALTH, SERVICE_EVENT, TRAIN_TRUTH
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import ManualClock
+from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Sample, Service
+from services.runtime.node import Node, Sample
 from services.runtime.service_report import EVENT_BURST, EVENT_RATE_HZ, EventLimiter, ServiceReport
 from tests.unit.schemas.examples import EXAMPLES
 
 TRAIN = Place("demo", "train", "T1")
 KEY = TRAIN_TRUTH.at(TRAIN, device="front")
 TRUTH = EXAMPLES[TrainTruth]
-
-
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
 
 
 async def _read(node: Node) -> None:
@@ -45,8 +37,8 @@ async def _report_for(seconds: float, script: dict[float, str]) -> tuple[list[He
     clock = ManualClock(asyncio.get_running_loop())
     bus = MemoryBus()
     about = "reported on"
-    subject = MemoryNode(bus, Service("subject", NoConfig, (TRAIN_TRUTH,), (), _idle, about), TRAIN, clock)
-    viewer = MemoryNode(bus, Service("viewer", NoConfig, (HEALTH, SERVICE_EVENT), (), _idle, "reads"), TRAIN, clock)
+    subject = MemoryNode(bus, guest("subject", about, reads=(TRAIN_TRUTH,)), TRAIN, clock)
+    viewer = MemoryNode(bus, guest("viewer", "reads", reads=(HEALTH, SERVICE_EVENT)), TRAIN, clock)
     messages = viewer.messages(HEALTH, SERVICE_EVENT)
     noted: list[str] = []
     report = ServiceReport(subject, note=lambda _, text: noted.append(text), started=True)

@@ -1,4 +1,4 @@
-"""What runs inside the network namespaces: `router LISTEN [CONNECT]`, `write ROUTER`, `read ROUTER`.
+"""What runs on the hosts: `router LISTEN [CONNECT]`, `write ROUTER`, `read ROUTER`.
 
 Each ends when its standard input does, and prints one JSON value per line.
 """
@@ -6,11 +6,9 @@ Each ends when its standard input does, and prints one JSON value per line.
 from __future__ import annotations
 
 import asyncio
-import json
 import sys
 
-import msgspec
-
+from benchmarks.host_processes import end_of_input, say
 from schemas.gnss import Fix
 from schemas.health import ServiceEvent
 from schemas.message import Message
@@ -18,8 +16,8 @@ from schemas.position import TrainTruth
 from schemas.topic import Place, Topic
 from schemas.topics import GNSS_FIX, SERVICE_EVENT, TRAIN_TRUTH
 from services.runtime.clock import LiveClock
+from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig, RouterConfig
-from services.runtime.node import Node, Service
 from services.runtime.router import open_router
 from services.runtime.zenoh_node import ZenohNode
 
@@ -28,36 +26,15 @@ PERIOD_S = 0.02
 TOPICS: tuple[Topic[Message], ...] = (TRAIN_TRUTH, GNSS_FIX, SERVICE_EVENT)
 
 
-class NoConfig(msgspec.Struct, frozen=True):
-    """Nothing to set."""
-
-
-async def _idle(node: Node, config: NoConfig) -> None:
-    del node, config
-
-
-def tell(value: object) -> None:
-    sys.stdout.write(json.dumps(value) + "\n")
-    sys.stdout.flush()
-
-
-async def end_of_input() -> None:
-    """Return when the test closes our standard input."""
-    loop = asyncio.get_running_loop()
-    reader = asyncio.StreamReader()
-    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-    await reader.read()
-
-
 async def route(listen: str, connect: tuple[str, ...]) -> None:
     with open_router(RouterConfig(listen=(listen,), connect=connect)):
-        tell("ready")
+        say("ready")
         await end_of_input()
 
 
 async def write(router: str) -> None:
     place = Place("demo", "train", "T1")
-    service = Service("writer", NoConfig, (), TOPICS, _idle, "writes until told to end")
+    service = guest("writer", "writes until told to end", writes=TOPICS)
     node = await ZenohNode.open(service, place, "writer", LiveClock(), BusConfig(connect=(router,)))
     ended = asyncio.create_task(end_of_input())
     number = 0
@@ -89,23 +66,23 @@ async def write(router: str) -> None:
         )
         number += 1
         await asyncio.sleep(PERIOD_S)
-    tell(number)
+    say(number)
     await asyncio.sleep(1.0)  # the last ones on their way, and the heartbeat that tells of them
     await node.close()
 
 
 async def read(router: str) -> None:
     place = Place("demo", "cloud", "main")
-    service = Service("reader", NoConfig, TOPICS, (), _idle, "reads until told to end")
+    service = guest("reader", "reads until told to end", reads=TOPICS)
     node = await ZenohNode.open(service, place, "reader", LiveClock(), BusConfig(connect=(router,)))
     ended = asyncio.create_task(end_of_input())
     ended.add_done_callback(lambda _: node.stop())
     arrivals = node.arrivals(*TOPICS, anywhere=True)
-    tell("ready")
+    say("ready")
     async for arrival in arrivals:
-        tell([arrival.key.split("/")[5], arrival.sequence])
+        say([arrival.key.split("/")[5], arrival.sequence])
     inputs = node.health.report(0, node.clock.monotonic_s()).inputs
-    tell({entry.key.split("/")[5]: [entry.missing, entry.duplicated] for entry in inputs})
+    say({entry.key.split("/")[5]: [entry.missing, entry.duplicated] for entry in inputs})
     await node.close()
 
 
