@@ -34,7 +34,11 @@ GNSS: Final = {"t": "Timestamp", "lat": "Lat_GNSS", "lon": "Long_GNSS"}
 GNSS_SECOND: Final = 10.0
 TICK_S: Final = 1e-6
 REST_S: Final = 1.5
-"""The car stands for longer when a recording begins."""
+MOST_BIAS_RADPS: Final = 0.1
+QUIET_RADPS: Final = 0.04
+"""A wheel stands where its rate is below the one and spreads by less than the other over REST_S."""
+TURNING_RADPS: Final = 0.03
+"""A slower wheel, its bias taken off, stands: the counter of a standing one keeps still."""
 LEAST_STEP_M: Final = 0.03
 """Smaller steps between fixes are noise of a standing car."""
 EARTH_M: Final = 6_371_000.0
@@ -59,7 +63,8 @@ def read_wid(trial: Path) -> Recording:
     turned = np.diff(np.interp([first_s, last_s], wheel_s, integral(wheel_s, wheel_radps)))
     radius_m = float(np.diff(np.interp([first_s, last_s], fix_s, way_m))[0] / turned[0])
     zero = float(min(car[0, 0], wheel_s[0]))
-    tacho_s, pulses = pulses_of_speed(wheel_s - zero, wheel_radps * WHEEL_M / 2.0)
+    counted = _standing(wheel_radps, round(SMOOTHING_S * rate))
+    tacho_s, pulses = pulses_of_speed(wheel_s - zero, counted * WHEEL_M / 2.0)
     six = np.column_stack([car[:, 2], -car[:, 1], car[:, 3], car[:, 5], -car[:, 4], car[:, 6]])
     reached = fix_s >= zero
     true_s, true_m = fix_s[reached] - zero, way_m[reached] - way_m[reached][0]
@@ -84,10 +89,19 @@ def _xsens(path: Path) -> NDArray[np.float64]:
 
 
 def _wheel_rate(wheel: NDArray[np.float64]) -> Floats:
-    """Rate of the wheel [rad/s], forwards, without the bias that it has at rest."""
-    rest = wheel[:, 0] < REST_S
-    rate: Floats = wheel[:, 6] - np.median(wheel[rest, 6])
+    """Rate of the wheel [rad/s], forwards, without the bias that it has at rest, wherever in the drive that is."""
+    rate: Floats = wheel[:, 6]
+    samples = round(REST_S / float(np.median(np.diff(wheel[:, 0]))))
+    mean = running_mean(rate, samples)
+    spread = np.sqrt(np.maximum(running_mean(rate * rate, samples) - mean * mean, 0.0))
+    rest = (np.abs(mean) < MOST_BIAS_RADPS) & (spread < QUIET_RADPS)
+    rate = rate - (np.median(rate[rest]) if rest.any() else 0.0)
     return rate if rate.sum() > 0.0 else -rate
+
+
+def _standing(rate_radps: Floats, samples: int) -> Floats:
+    """The wheels' rate, nought where they stand."""
+    return np.where(np.abs(running_mean(rate_radps, samples)) < TURNING_RADPS, 0.0, rate_radps)
 
 
 def _satellite_way(path: Path) -> tuple[Floats, Floats]:

@@ -172,7 +172,8 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             "excess_m",
             "owed_m",
             "settled_var",
-            "before_m",
+            # way of the wheel when it last moved
+            "stood_m",
             "gap_m",
             # gap in the counts: its length, the way before it and what came over it
             "gap_s",

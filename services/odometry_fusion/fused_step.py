@@ -85,7 +85,7 @@ def _step(
         if blind:
             now.roll_settled_s, now.noise_s = 0.0, 0.0
         else:
-            sense(tick, now, branches.x[now.best, V], PERIOD_S)
+            sense(tick, now, branches.x[now.best, V], branches.x[now.best, TH], PERIOD_S)
             now.effort_mps2 += EFFORT_SHARE * (tick.ax_mps2 - now.effort_mps2)
             if now.not_turned > PROOF:
                 now.proven = 1
@@ -115,14 +115,12 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
     if silent:
         now.followed, now.still = 0, 0
     else:
-        moved = abs(tick.way_m - now.before_m) > 0.5 * rule.pulse_m
         variance = rim_variance(z_m, tick.quantum_m, now, PERIOD_S)
         watch_rim(now, PERIOD_S)
         if now.gap_s > 0.0:
             bridge_gap(tick, now, branches, variance, PERIOD_S)
             now.gap_s = 0.0
-        stands = watch_standstill(tick, moved, now, PERIOD_S) and not blind
-    now.before_m = tick.way_m
+        stands = watch_standstill(tick, rule.pulse_m, now, PERIOD_S) and not blind
     stands = not silent and stands
     noise = np.empty(5)
     noise[FORCE] = 0.0 if blind else force_noise(now)

@@ -4,29 +4,40 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
 from services.numerics.kernel import kernel
 from services.odometry_fusion.fused_layout import GRAVITY_MPS2, Record
 
 ROLL_TIME_S: Final = 6.0
 """The roll rate counts for shorter, the lateral acceleration for longer."""
 NOISE_TIME_S: Final = 20.0
+MOST_PITCH_RAD: Final = 0.3
 LARGEST_STEP: Final = 9.0
 """A difference counts for at most so many times its variance."""
 
 
 @kernel
 def next_roll(
-    roll_rad: float, ay_mps2: float, gx_radps: float, gz_radps: float, speed_mps: float, dt_s: float, settled_s: float
+    roll_rad: float,
+    ay_mps2: float,
+    gx_radps: float,
+    gz_radps: float,
+    pitch_rad: float,
+    speed_mps: float,
+    dt_s: float,
+    settled_s: float,
 ) -> float:
     """Roll angle [rad], right side down positive, after a step; `settled_s` is how long the filter has run.
 
     A complementary filter: the roll rate integrated, drawn towards (ay - v ωz)/g, the lateral acceleration freed from
     the centripetal one (Iwata et al., equations 6 and 11). The sensor's mounting shows in it too, as it must: what
-    leaks of the yaw rate into the pitch rate follows the sensor's own roll.
+    leaks of the yaw rate into the pitch rate follows the sensor's own roll. Of a sensor whose nose is up the x axis
+    leans towards the vertical, and shows ωz tan θ that is no roll: little on gradients, much with 3° of mounting.
     """
     seen_rad = (ay_mps2 - speed_mps * gz_radps) / GRAVITY_MPS2
-    turned_rad = roll_rad + gx_radps * dt_s
-    return turned_rad + dt_s / max(min(ROLL_TIME_S, settled_s), dt_s) * (seen_rad - turned_rad)
+    turned_rad = roll_rad + (gx_radps - gz_radps * np.tan(pitch_rad)) * dt_s
+    return float(turned_rad + dt_s / max(min(ROLL_TIME_S, settled_s), dt_s) * (seen_rad - turned_rad))
 
 
 @kernel
@@ -39,7 +50,7 @@ def next_variance(variance: float, step: float, share: float) -> float:
 
 
 @kernel
-def sense(tick: Record, now: Record, speed_mps: float, dt_s: float) -> None:
+def sense(tick: Record, now: Record, speed_mps: float, pitch_rad: float, dt_s: float) -> None:
     """Take one mean of the inertial sensor in: noises and roll angle."""
     now.roll_settled_s += dt_s
     now.roll_rad = next_roll(
@@ -47,6 +58,7 @@ def sense(tick: Record, now: Record, speed_mps: float, dt_s: float) -> None:
         tick.ay_mps2,
         tick.gx_radps - now.roll_bias_radps,
         tick.gz_radps - now.yaw_bias_radps,
+        min(max(pitch_rad, -MOST_PITCH_RAD), MOST_PITCH_RAD),
         speed_mps,
         dt_s,
         now.roll_settled_s,

@@ -9,17 +9,23 @@ from services.odometry_fusion.fused_layout import Record
 
 STILL_TICKS: Final = 13
 """The wheel has not turned for so long."""
+STILL_M: Final = 0.004
+"""A wheel that has turned by less stands, however many teeth it has: counters made of a measured speed, or with
+thousands of teeth, creep by what their sensor errs."""
 LONGEST_MEAN_S: Final = 20.0
 
 
 @kernel
-def watch_standstill(tick: Record, moved: bool, now: Record, dt_s: float) -> bool:  # noqa: FBT001 - a kernel takes its arguments by place
+def watch_standstill(tick: Record, pulse_m: float, now: Record, dt_s: float) -> bool:
     """Whether the wheel has stood long enough; takes in the biases of roll and yaw rate while it does.
 
     The wheel alone cannot tell standing from sliding with locked wheels: what follows for speed and pitch is
     decided branch by branch.
     """
-    now.still = 0 if moved else now.still + 1
+    if abs(tick.way_m - now.stood_m) > max(0.5 * pulse_m, STILL_M):
+        now.still, now.stood_m = 0, tick.way_m
+    else:
+        now.still += 1
     now.since_rest_s += dt_s
     if now.still < STILL_TICKS:
         now.rest_s = 0.0

@@ -65,7 +65,7 @@ def write_trial(folder: Path, wheel_sign: float = -1.0) -> None:
     )
     for name, zero_s in (("IMU1", WHEEL_S), ("IMU2", OTHER_S)):
         wheel_s = np.arange(zero_s, 84.0, 1.0 / RATE_HZ)
-        rate = wheel_sign * np.degrees(speed_at(wheel_s) / RADIUS_M) + 0.6
+        rate = wheel_sign * np.degrees(speed_at(wheel_s) / RADIUS_M) + 0.6 + 0.003 * wheel_s
         xsens(folder / f"{name}.csv.gz", zero_s, {10: rate}, wheel_s)
     fix_s = np.arange(FIX_S, 84.0, 0.01)
     fixed_s = np.floor((fix_s - FIX_S) / 0.2) * 0.2 + FIX_S
@@ -93,6 +93,9 @@ def test_a_trial_becomes_a_recording_on_one_clock(tmp_path: Path) -> None:
     true_t_s, true_m, _ = run.truth
     # 18 m, 72 m and 15 m until the stop; fixes are 0.2 s apart at up to 6 m/s, steps below 0.03 m are left out.
     assert np.interp(40.0, true_t_s, true_m) == pytest.approx(105.0, abs=0.3)
+    # The wheels' gyros drift by 0.1 °/s from one stop to the next, and the counter keeps still at both.
+    for first_s, last_s in ((1.0, 11.0), (36.0, 44.0), (67.0, 83.0)):
+        assert np.ptp(run.pulses[(run.tacho_t_s > first_s) & (run.tacho_t_s < last_s)]) == 0
     assert np.median(run.imu[:, 2]) == pytest.approx(9.8, abs=0.01)
     assert np.median(run.imu[:, 1]) == pytest.approx(-0.2, abs=0.01)
     assert np.median(run.imu[:, 5]) == pytest.approx(np.radians(0.5), abs=1e-6)

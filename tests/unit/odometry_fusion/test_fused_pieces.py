@@ -103,8 +103,17 @@ def test_roll_follows_gravity_in_a_curve_whatever_the_speed() -> None:
     roll = 0.0
     for k in range(1, 600):
         ay = 25.0 * 0.06 + GRAVITY_MPS2 * 0.05
-        roll = next_roll(roll, ay, 0.0, 0.06, 25.0, DT_S, k * DT_S)
+        roll = next_roll(roll, ay, 0.0, 0.06, 0.0, 25.0, DT_S, k * DT_S)
     assert roll == pytest.approx(0.05)
+
+
+def test_a_nose_held_down_shows_some_of_the_yaw_rate_as_roll_rate_and_that_is_no_roll() -> None:
+    """A level curve with a sensor that is pitched, its y axis level: gravity shows no roll, and none is integrated."""
+    roll, pitch, yaw = 0.0, -0.06, 0.12
+    gx, gz = yaw * np.sin(pitch), yaw * np.cos(pitch)
+    for k in range(1, 100):
+        roll = next_roll(roll, 3.0 * gz, gx, gz, pitch, 3.0, DT_S, k * DT_S)
+    assert roll == pytest.approx(0.0, abs=1e-12)
 
 
 def test_white_noise_shows_its_variance_in_steps_from_mean_to_mean() -> None:
@@ -131,11 +140,12 @@ def test_teeth_alone_err_by_a_twelfth_of_a_pulse_squared_and_jitter_adds_to_it()
 def test_standstill_gives_the_gyros_biases() -> None:
     now = np.zeros(1, NOW)
     tick = tick_of(gx_radps=1e-3, gz_radps=-2e-3)
-    stands = [watch_standstill(tick[0], False, now[0], DT_S) for _ in range(60)]  # noqa: FBT003 - a kernel's argument
+    stands = [watch_standstill(tick[0], 0.03, now[0], DT_S) for _ in range(60)]
     assert stands.index(True) == STILL_TICKS - 1
     assert now["roll_bias_radps"][0] == pytest.approx(1e-3)
     assert now["yaw_bias_radps"][0] == pytest.approx(-2e-3)
-    assert not watch_standstill(tick[0], True, now[0], DT_S)  # noqa: FBT003 - the same
+    tick["way_m"] = 0.03
+    assert not watch_standstill(tick[0], 0.03, now[0], DT_S)
 
 
 def test_a_correction_is_that_of_a_kalman_filter_and_an_outlier_moves_less() -> None:
@@ -259,3 +269,11 @@ def test_a_counter_that_waits_for_four_pulses_is_known_by_its_steps() -> None:
     for counts, expected in ((4 * np.arange(40), 4.0), (np.arange(40) // 2, 1.0), (np.arange(40) ** 2, 1.0)):
         ticks = TickMaker(vehicle).advance(4.0, np.empty(0), np.empty((0, 6)), t_s, counts.astype(np.int64))
         assert ticks["quantum_m"][-1] == pytest.approx(expected * vehicle.metres_per_pulse)
+
+
+def test_a_fine_counter_that_creeps_stands_and_a_slow_wheel_does_not() -> None:
+    """What a counter made of a gyro's rate errs by is no motion: 3 mm in 10 s here. 30 mm/s is."""
+    for speed_mps, stood in ((0.0003, 100 - STILL_TICKS + 1), (0.03, 0)):
+        now = np.zeros(1, NOW)
+        ways_m = speed_mps * DT_S * np.arange(100)
+        assert sum(watch_standstill(tick_of(way_m=one)[0], 0.0002, now[0], DT_S) for one in ways_m) == stood
