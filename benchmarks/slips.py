@@ -1,6 +1,6 @@
 """Simulated slips by the thousand: what the modes of odometry make of them, condition by condition.
 
-    python -m benchmarks.slips [--slips 1000] [--seed 1] [--method fused] [--kinds cycling …] [CONDITION …]
+    python -m benchmarks.slips [--slips 1000] [--seed 1] [--method fused] [--kinds cycling …] [--creep 1] [CONDITION …]
 
 Every condition has runs of half an hour on lines of their own (services/simulator), judged as docs/odometry_fusion.md
 says. Prints a line per condition as soon as it is done.
@@ -51,6 +51,8 @@ CONDITIONS: dict[str, Condition] = {
     "16 permille": Condition(),
     "33 permille": Condition(gradient_permille=33.0),
     "micro-slip x3": Condition(MotionSettings(adhesion=Adhesion(micro_slip=3.0))),
+    "long micro-slip": Condition(MotionSettings(adhesion=Adhesion(build_up=3.0))),
+    "fast micro-slip": Condition(MotionSettings(adhesion=Adhesion(build_up_speed=3.0))),
     "gyro 0.05 deg/s": Condition(MotionSettings(imu=Imu(gyro_bias_dps=0.05))),
     "accelerometer 0.1 m/s2": Condition(MotionSettings(imu=Imu(accelerometer_bias_mps2=0.1))),
     "vibration x2": Condition(MotionSettings(imu=Imu(vibration=2.0))),
@@ -136,14 +138,17 @@ def judge(log: MotionLog, rows: MotionRows, figures: Figures) -> None:
     figures.worst = max(figures.worst, float((error_m / rows.bound_m).max()))
 
 
-def runs(condition: Condition, slips: int, seed: int, kinds: list[SlipKind] | None = None) -> Iterator[MotionLog]:
-    """Simulated runs with so many slips, of some kinds alone or of all."""
-    settings = condition.settings
-    if kinds is not None:
-        weights = {kind: settings.adhesion.weights[kind] for kind in kinds}
-        settings = msgspec.structs.replace(
-            settings, adhesion=msgspec.structs.replace(settings.adhesion, weights=weights)
-        )
+def runs(
+    condition: Condition, slips: int, seed: int, kinds: list[SlipKind] | None = None, creep: float = 1.0
+) -> Iterator[MotionLog]:
+    """Simulated runs with so many slips, of some kinds alone or of those drawn by default.
+
+    Wheels that adhere creep by so many times what the condition says.
+    """
+    adhesion = condition.settings.adhesion
+    weights = adhesion.weights if kinds is None else {kind: adhesion.weights.get(kind, 1.0) for kind in kinds}
+    adhesion = msgspec.structs.replace(adhesion, weights=weights, micro_slip=creep * adhesion.micro_slip)
+    settings = msgspec.structs.replace(condition.settings, adhesion=adhesion)
     track = TrackSettings(max_gradient_permille=condition.gradient_permille)
     return slip_runs(seed, slips, settings, track, duration_s=RUN_S)
 
@@ -154,7 +159,10 @@ def main() -> None:
     parser.add_argument("--slips", type=int, default=1_000, help="per condition")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--method", choices=("fused", "paper"), default="fused")
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=None, help="of slips; all when left out")
+    parser.add_argument(
+        "--kinds", nargs="+", choices=KINDS, default=None, help="of slips; all but breaking_away when left out"
+    )
+    parser.add_argument("--creep", type=float, default=1.0, help="of adhering wheels, times the usual; 0: none")
     known = ", ".join(CONDITIONS).replace("%", "%%")
     parser.add_argument("conditions", nargs="*", metavar="CONDITION", help=f"of {known}; default: all")
     asked = parser.parse_args()
@@ -164,7 +172,7 @@ def main() -> None:
     print(HEADER, flush=True)  # noqa: T201 - this is a table for a person
     for name in asked.conditions or CONDITIONS:
         figures = Figures()
-        for log in runs(CONDITIONS[name], asked.slips, asked.seed, asked.kinds):
+        for log in runs(CONDITIONS[name], asked.slips, asked.seed, asked.kinds, asked.creep):
             judge(log, odometry_of(log, asked.method, known_scale=CONDITIONS[name].known_scale), figures)
         print(figures.line(name), flush=True)  # noqa: T201 - the same
 

@@ -14,7 +14,7 @@ from msgspec import Meta
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
-SlipKind = Literal["cycling", "controlled", "locked", "creeping", "micro"]
+SlipKind = Literal["cycling", "controlled", "locked", "creeping", "micro", "breaking_away"]
 Grade = Literal["adis16480", "mems"]
 
 
@@ -101,7 +101,8 @@ class Episode(Part, frozen=True, kw_only=True):
     adhesion: Share = 0.5
     """Adhesion at hand, as a share of what is asked for at the onset."""
     slip: Positive = 0.15
-    """Slip that brakes or traction settle at, as a share of speed (`controlled`, `creeping`, `micro`)."""
+    """Slip that brakes or traction settle at, as a share of speed (`controlled`, `creeping`, `micro`); the most that
+    a wheel `breaking_away` comes to."""
 
 
 class Adhesion(Part, frozen=True, kw_only=True):
@@ -120,6 +121,10 @@ class Adhesion(Part, frozen=True, kw_only=True):
     )
     micro_slip: NotNegative = 1.0
     """Times the usual few per mille of creep under effort."""
+    build_up: NotNegative = 1.0
+    """Times the usual length of the micro-slip before and after a wheel breaks away (`breaking_away`)."""
+    build_up_speed: NotNegative = 1.0
+    """Times its usual speed."""
     dry_mps2: Positive = 2.2
     """Adhesion at hand on a dry rail, over mass."""
     episodes: tuple[Episode, ...] = ()

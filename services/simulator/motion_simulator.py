@@ -78,7 +78,7 @@ class MotionSimulator:
         self._sensor = drawn_sensor(settings.imu, settings.vehicle.wheel_diameter_m, generator)
         self._habits = generator.uniform(size=(HABITS, 5))
         self._randoms = random_rows(settings.adhesion, generator)
-        self._sets = [set_rows(settings.adhesion.episodes, self._places, generator)]
+        self._sets = [set_rows(settings.adhesion, self._places, generator)]
         self._sets.append(_from_other_end(self._sets[0], track.length_m))
         self._started_s = np.full(len(self._sets[0]), -1e9)
         self._state = fresh_state()

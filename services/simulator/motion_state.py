@@ -44,6 +44,8 @@ STATE: Final = np.dtype(
             "stuck_s",
             "free_since_s",
             "asked_mps2",  # at the episode's onset
+            "onset_mps",  # speed of the train then
+            "away_mps",  # of the rim against the train beside creep, of a wheel that breaks away
             "creep_factor",
             "creep_noise",
             "grip_noise",

@@ -5,7 +5,7 @@ mille of speed that grow as effort nears adhesion. Beyond it the wheelset, whose
 the mass it carries, turns freely: r dw/dt = effort·hold + sign·kinetic adhesion. Slide or spin
 protection takes the effort back (`hold`) when slip passes its threshold and gives it again, which makes
 the well-known cycles; without it a sliding wheel locks. Modern control that settles at a slip is given
-as a slip that ramps in and out.
+as a slip that ramps in and out; a wheel that breaks away out of growing micro-slip by `breakaway`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.numerics.kernel import kernel
+from services.simulator.breakaway import LEAST_PEAK_MPS, lasts_s, slip_of
 from services.simulator.motion_state import STEP_S, VehicleConstants
-from services.simulator.slip_episodes import AT_PLACE, AT_TIME, CONTROLLED, CREEPING, CYCLING, MICRO
+from services.simulator.slip_episodes import AT_PLACE, AT_TIME, BREAKING_AWAY, CONTROLLED, CREEPING, CYCLING, MICRO
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +54,7 @@ def begin_episode(state: Any, randoms: Floats, sets: Floats, started_s: Floats) 
         if due:
             started_s[k] = s.time_s
             s.episode, s.episode_s, s.asked_mps2 = len(randoms) + k, 0.0, max(abs(effort), 0.4)
+            s.onset_mps = s.speed_mps
             return
     if len(randoms) == 0:
         return
@@ -61,6 +63,7 @@ def begin_episode(state: Any, randoms: Floats, sets: Floats, started_s: Floats) 
     fits = abs(effort) > LEAST_EFFORT_MPS2 and effort * row[2] > 0.0 and s.speed_mps > LEAST_SPEED_MPS
     if waited > 0.0 and fits:
         s.episode, s.episode_s, s.asked_mps2 = s.next_random % len(randoms), 0.0, abs(effort)
+        s.onset_mps = s.speed_mps
         s.next_random += 1
 
 
@@ -129,11 +132,33 @@ def settled_slip(state: Any, row: Floats, demand: float) -> float:  # noqa: ANN4
 
 
 @kernel
+def break_away(state: Any, row: Floats, demand: float, micro_share: float, c: VehicleConstants) -> float:  # noqa: ANN401 - a numpy record
+    """One step of a wheel that breaks away, whatever becomes of the effort; share of the effort that the train gets.
+
+    It slips from the first micro-slip to the last.
+    """
+    s = state[0]
+    if s.slip == 0:
+        s.slip = -1 if demand < 0.0 else 1
+    s.sliding = 1
+    s.slip_mps -= s.away_mps
+    adhering(state, demand, c.dry_mps2, micro_share, c)
+    s.away_mps = s.slip * slip_of(s.episode_s, s.onset_mps, row)
+    s.slip_mps += s.away_mps
+    if s.episode_s > lasts_s(row) or s.speed_mps <= 0.0:
+        s.slip_mps -= s.away_mps
+        s.episode, s.sliding, s.slip, s.free_since_s, s.away_mps = -1, 0, 0, s.time_s, 0.0
+    return float(1.0 - row[9] * (1.0 - row[5]) * min(abs(s.away_mps) / LEAST_PEAK_MPS, 1.0))
+
+
+@kernel
 def episode_step(state: Any, row: Floats, demand: float, micro_share: float, c: VehicleConstants) -> float:  # noqa: ANN401 - a numpy record
     """One step of an episode; share of the effort that the train gets."""
     s = state[0]
     s.episode_s += STEP_S
     kind, share = row[3], 1.0
+    if kind == BREAKING_AWAY:
+        return break_away(state, row, demand, micro_share, c)
     if kind in (CONTROLLED, CREEPING):
         settled = settled_slip(state, row, demand)
         s.slip_mps += (settled * s.speed_mps - s.slip_mps) * STEP_S / STICK_S
@@ -174,7 +199,7 @@ def wheel_step(state: Any, randoms: Floats, sets: Floats, forced: tuple[float, f
     if forced[0] != 0.0:
         s.slip_mps += (max(forced[0], -s.speed_mps) - s.slip_mps) * STEP_S / FORCED_S
         s.slip = -1 if forced[0] < 0.0 else 1
-        s.episode, s.sliding, s.free_since_s = -1, 0, s.time_s
+        s.episode, s.sliding, s.free_since_s, s.away_mps = -1, 0, s.time_s, 0.0
     elif s.episode >= 0:
         row = sets[s.episode - len(randoms)] if s.episode >= len(randoms) else randoms[s.episode]
         share = episode_step(state, row, demand, forced[1] * np.sign(demand), c)

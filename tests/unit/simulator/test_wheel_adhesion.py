@@ -43,7 +43,7 @@ def test_a_dry_wheel_creeps_by_a_few_per_mille_in_the_direction_of_effort() -> N
     assert lost_twice == pytest.approx(2.0 * lost, rel=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["cycling", "controlled", "locked", "creeping"])
+@pytest.mark.parametrize("kind", ["cycling", "controlled", "locked", "creeping", "breaking_away"])
 def test_a_slide_turns_the_wheel_too_slowly_and_ends(kind: SlipKind) -> None:
     # Power from 2 s, limit of 20 m/s reached at about 30 s; the first stop is braked for at about 90 s.
     free = run(Adhesion())
@@ -75,6 +75,60 @@ def test_a_spin_turns_the_wheel_too_fast_and_ends(kind: SlipKind) -> None:
     assert not np.any(samples.slip == -1)
     assert (samples.wheel_way_m - samples.distance_m)[samples.slip == 1][-1] > 1.0
     assert samples.slip[-1] == 0
+
+
+def away(seed: int = 1, at_s: float = 8.0, *, length: float = 1.0, speed: float = 1.0) -> MotionSamples:
+    """A wheel that breaks away while nothing else parts it from the train."""
+    episode = Episode(kind="breaking_away", at_s=at_s, duration_s=8.0, slip=0.25)
+    adhesion = Adhesion(micro_slip=0.0, episodes=(episode,), build_up=length, build_up_speed=speed)
+    return run(adhesion, seed=seed)
+
+
+def test_a_wheel_breaks_away_out_of_micro_slip_and_comes_back() -> None:
+    for seed in range(4):
+        samples = away(seed)
+        off_mps = rim_mps(samples) - samples.speed_mps
+        slipping = np.flatnonzero(samples.slip)
+        assert set(samples.slip[slipping].tolist()) == {1}
+        assert np.all(np.diff(slipping) == 1)
+        # 8 s, and 0.3 to 2.5 s before and 0.3 to 1.5 s after.
+        assert 8.6 < len(slipping) * STEP_S < 12.1
+        assert np.abs(np.delete(off_mps, slipping)[100:]).max() < 0.02
+        onset_mps = float(samples.speed_mps[slipping[0]])
+        away_mps = off_mps[slipping]
+        assert away_mps.max() <= max(0.25 * onset_mps, 1.0) + 0.02
+        assert away_mps.max() > 0.9
+        # Never faster than the rise of 2.5 m/s² at most, the fall, or a swing of half of 0.25·v at 0.9 Hz.
+        assert np.abs(np.diff(away_mps) / STEP_S).max() < max(2.6, 0.25 * 0.25 * onset_mps * 2.0 * np.pi * 0.95 * 1.5)
+        first = away_mps[: round(0.25 / STEP_S)]
+        assert first.max() < 0.35
+
+
+def test_micro_slip_before_a_wheel_breaks_away_may_be_longer_and_faster() -> None:
+    usual, longer, faster = away(2), away(2, length=3.0), away(2, speed=3.0)
+
+    def builds_up(samples: MotionSamples) -> tuple[float, float]:
+        """Length of the micro-slip [s] and its speed after half of the usual length [m/s]."""
+        off_mps = (rim_mps(samples) - samples.speed_mps)[np.flatnonzero(samples.slip)]
+        return float(np.flatnonzero(off_mps > 0.4)[0]) * STEP_S, float(off_mps[: round(0.3 / STEP_S)].max())
+
+    plain = builds_up(usual)
+    assert len(np.flatnonzero(longer.slip)) > len(np.flatnonzero(usual.slip)) + round(1.2 / STEP_S)
+    assert builds_up(longer)[0] > plain[0] + 0.6
+    assert builds_up(longer)[1] < 0.6 * plain[1]
+    assert builds_up(faster)[1] == pytest.approx(3.0 * plain[1], rel=0.1)
+    assert len(np.flatnonzero(faster.slip)) == len(np.flatnonzero(usual.slip))
+
+
+def test_a_wheel_breaks_away_from_under_the_brakes_and_never_turns_backwards() -> None:
+    free = run(Adhesion())
+    braking = float(np.flatnonzero((free.effort_mps2 < -0.4) & (free.t_s > 20.0))[0]) * STEP_S + 1.5
+    for at_s in (braking, braking + 22.0):
+        samples = away(1, at_s)
+        assert -1 in samples.slip
+        assert 1 not in samples.slip
+        assert np.all(np.diff(samples.wheel_way_m) >= 0.0)
+        assert samples.slip[-1] == 0
 
 
 def test_less_adhesion_slows_the_train_less() -> None:
