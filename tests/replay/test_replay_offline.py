@@ -119,7 +119,7 @@ def test_publications_carry_virtual_times_and_a_boot_id_that_can_be_repeated() -
     ]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.integers(0, 200), max_size=30), st.sampled_from([0.05, 0.3, 1.0]))
 def test_the_same_recording_gives_the_same_bytes(order: list[int], tick_s: float) -> None:
     samples = [truth_sample(index) for index in order]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.gnss_correction.carrier_smoothing import CarrierSmoother
@@ -49,14 +49,12 @@ def smoothed(
 EXACT_M = 1e-6
 
 
-@settings(deadline=None)  # the first call compiles
 @given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=40))
 def test_without_a_time_limit_it_is_the_mean_so_far(errors_m: list[float]) -> None:
     expected = np.cumsum(errors_m) / np.arange(1, len(errors_m) + 1)
     np.testing.assert_allclose(smoothed(errors_m), expected, atol=EXACT_M)
 
 
-@settings(deadline=None)  # the first call compiles
 @given(st.floats(-10.0, 10.0), st.integers(1, 50))
 def test_a_constant_bias_stays(bias_m: float, count: int) -> None:
     np.testing.assert_allclose(smoothed([bias_m] * count, smooth_s=1.0), bias_m, atol=EXACT_M)
@@ -103,7 +101,6 @@ def test_without_a_carrier_the_pseudorange_stays(at: int) -> None:
     assert np.isfinite(found).all()
 
 
-@settings(deadline=None)  # the first call compiles
 @given(st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=20), st.integers(2, 5))
 def test_blocks_change_nothing(errors_m: list[float], parts: int) -> None:
     np.testing.assert_array_equal(smoothed(errors_m), smoothed(errors_m, blocks=parts))

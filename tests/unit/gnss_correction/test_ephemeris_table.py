@@ -89,7 +89,7 @@ def test_weeks_are_counted_through() -> None:
     t_s=st.integers(-5, 25),
     fit_s=st.integers(0, 6),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_it_agrees_with_a_plain_search(toes: list[int], t_s: int, fit_s: int) -> None:
     table = tabulate([ephemeris("G05", toe_s=float(toe), fit_interval_s=float(fit_s)) for toe in toes], WEEK)
     row = chosen(table, "G05", float(t_s))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.gnss_correction.line_coasting import Coasting
@@ -27,7 +27,6 @@ def moments(window: Window) -> tuple[float, float]:
     return mean, float(share @ (window.places_m - mean) ** 2)
 
 
-@settings(deadline=None)  # the first call compiles
 @given(st.floats(-40.0, 40.0), st.floats(0.05, 3.0))
 def test_a_step_moves_by_the_speed_and_loses_nothing(speed_mps: float, dt_s: float) -> None:
     before = bell(500.0, 5.0, speed_mps)

@@ -50,7 +50,7 @@ def test_a_circular_equatorial_orbit_is_a_circle() -> None:
     harmonic=st.floats(-1e-5, 1e-5),
     ahead_s=st.floats(-3_000.0, 3_000.0),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_velocity_and_drift_are_the_rates_of_position_and_clock(
     satellite: str, eccentricity: float, m0_rad: float, harmonic: float, ahead_s: float
 ) -> None:
@@ -78,7 +78,7 @@ def test_velocity_and_drift_are_the_rates_of_position_and_clock(
 
 
 @given(eccentricity=st.floats(0.0, 0.1), m0_rad=st.floats(-3.0, 3.0))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_the_relativistic_clock_is_twice_position_times_velocity(eccentricity: float, m0_rad: float) -> None:
     one = ephemeris(
         "G01",

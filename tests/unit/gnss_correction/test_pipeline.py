@@ -293,7 +293,7 @@ COLUMN = st.one_of(st.floats(), st.floats(1.9e7, 2.6e7), st.just(math.nan))
 
 
 @given(data=st.data())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_whatever_comes_every_epoch_is_answered_and_can_travel(data: st.DataObject) -> None:
     correction = informed()
     for _ in range(data.draw(st.integers(1, 6))):

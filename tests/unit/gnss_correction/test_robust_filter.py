@@ -155,7 +155,7 @@ def test_a_weaker_signal_is_believed_less(strength_dbhz: float, weaker_db: float
     assert far >= near
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32 - 1))
 def test_the_covariance_stays_symmetric_and_positive(seed: int) -> None:
     generator = np.random.default_rng(seed)

@@ -72,7 +72,7 @@ def test_exact_measurements_give_the_exact_place_from_the_centre_of_the_earth(we
 
 
 @given(lat_deg=st.floats(-80.0, 80.0), lon_deg=st.floats(-180.0, 180.0), clock_m=st.floats(-2.9e5, 2.9e5))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_it_finds_any_place_on_earth(lat_deg: float, lon_deg: float, clock_m: float) -> None:
     place = np.array(ecef_from_geodetic(math.radians(lat_deg), math.radians(lon_deg), 0.0))
     epoch = measured(GPS, START_S, place_m=place, clocks_m={"G": clock_m})

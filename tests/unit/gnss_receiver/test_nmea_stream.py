@@ -136,7 +136,7 @@ def test_a_receiver_that_says_it_in_ubx_too_is_not_heard_twice() -> None:
     assert receiver.counts["positions_twice"] == 1
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.sampled_from(["GNGGA", "GNRMC", "GNGST", "GNZDA"]),
     st.lists(

@@ -89,7 +89,7 @@ def test_a_damaged_packing_says_so(tmp_path: Path) -> None:
         read_observations(path)
 
 
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])  # one file each
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])  # one file each
 @given(
     magic=st.sampled_from((b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"PK\x03\x04", hatanaka.rnx2crx(THREE)[:200])),
     rest=st.binary(max_size=300),

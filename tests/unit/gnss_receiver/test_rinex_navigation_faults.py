@@ -145,7 +145,7 @@ def _overwritten(lines: list[bytes], generator: random.Random) -> list[bytes]:
     return [*lines[:at], lines[at][:start] + bad + lines[at][start + len(bad) :], *lines[at + 1 :]]
 
 
-@settings(deadline=None, max_examples=300)  # the first example pays for the imports
+@settings(max_examples=300)
 @given(damage=st.sampled_from((_line_lost, _line_twice, _garbage, _overwritten)), seed=st.integers(0, 10**6))
 def test_no_damage_ends_the_reader(damage: Damage, seed: int) -> None:
     content = text_of(header_3(), record_3("G01", MIDNIGHT, GPS), record_3("R02", MIDNIGHT, GLONASS)).splitlines()

@@ -74,7 +74,7 @@ DAMAGES = (_without, _twice, _joined, _shifted, _clipped, _cut, _garbage, _overw
 
 
 @both
-@settings(deadline=None, max_examples=400)  # the first example compiles the loop
+@settings(max_examples=400)
 @given(damage=st.sampled_from(DAMAGES), place=st.integers(0, 10_000), seed=st.integers(0, 10_000))
 def test_no_damage_makes_a_wrong_figure(
     build: Build, damage: Callable[[Lines, int, random.Random], Lines], place: int, seed: int

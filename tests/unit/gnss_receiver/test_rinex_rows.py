@@ -6,7 +6,7 @@ import math
 import re
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.gnss_receiver.observations import Observations
@@ -40,7 +40,6 @@ def f14_3(draw: st.DrawFn) -> str:
     return f"{sign}{'' if bare else whole}.{rest:03d}".rjust(14)
 
 
-@settings(deadline=None)  # the first example compiles the loop
 @given(st.lists(f14_3(), min_size=1, max_size=60))
 def test_fields_equal_their_text_exactly(fields: list[str]) -> None:
     observations = read_fields(fields)
@@ -50,7 +49,6 @@ def test_fields_equal_their_text_exactly(fields: list[str]) -> None:
         assert value == float(text) or (math.isnan(value) and float(text) == 0.0)
 
 
-@settings(deadline=None)  # the first example compiles the loop
 @given(st.lists(st.text(" 0123456789.-+ED*x", min_size=14, max_size=14), min_size=1, max_size=60))
 def test_what_is_no_f14_3_is_refused_and_named(fields: list[str]) -> None:
     observations = read_fields(fields)

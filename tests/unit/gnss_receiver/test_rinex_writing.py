@@ -88,7 +88,7 @@ def same(left: Epoch, right: Epoch) -> bool:
     )
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])  # each example has its own file
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # each example has its own file
 @given(made=epochs())
 def test_observations_come_back_as_they_were_written(tmp_path: Path, made: list[Epoch]) -> None:
     path = tmp_path / "written.rnx"
@@ -215,7 +215,7 @@ def ephemerides(draw: st.DrawFn) -> Ephemeris:
     )
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])  # each example has its own file
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # each example has its own file
 @given(made=ephemerides())
 def test_ephemerides_come_back_as_they_were_written(tmp_path: Path, made: Ephemeris) -> None:
     path = tmp_path / "written.nav"
@@ -224,7 +224,7 @@ def test_ephemerides_come_back_as_they_were_written(tmp_path: Path, made: Epheme
     assert read_navigation([path]) == navigation
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])  # each example has its own file
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # each example has its own file
 @given(
     unix_quarters=st.integers(1_600_000, 1_950_000),
     position_km=st.tuples(*[twelve_decimals(13_000, 15_500)] * 3),

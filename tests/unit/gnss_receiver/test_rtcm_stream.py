@@ -79,7 +79,7 @@ def test_a_stream_cut_mid_frame_gives_the_rest(cut: int) -> None:
         assert np.allclose(one.pseudorange_m[others], EPOCHS[1].pseudorange_m[places], rtol=0, atol=0.0003)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.integers(0, sum(map(len, STREAM)) - 1), st.integers(0, 7)), min_size=1, max_size=6))
 def test_flipped_bits_never_give_wrong_measurements(flips: list[tuple[int, int]]) -> None:
     stream = bytearray(b"".join(STREAM))
@@ -200,7 +200,7 @@ def test_messages_that_are_not_read_are_counted_by_their_number() -> None:
     assert receiver.counts["bad_rtcm_1077"] == 2
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(1001, 1230), st.binary(max_size=120))
 def test_no_message_makes_it_fail(number: int, rest: bytes) -> None:
     listen(framed((number << 4).to_bytes(2, "big") + rest))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.line.axis import Axis, axis_of
@@ -31,7 +31,6 @@ def at(axis: Axis, axis_m: float) -> np.ndarray:
     return np.array([np.interp(axis_m, axis.axis_m, axis.plane_m[:, k]) for k in range(2)])
 
 
-@settings(deadline=None)  # the first call compiles
 @given(st.floats(0.0, HAIRPIN.length_m))
 def test_a_place_on_the_axis_comes_back_within_its_window(axis_m: float) -> None:
     feet = follow(HAIRPIN, at(HAIRPIN, axis_m)[None], np.array([50.0]), start_m=axis_m)

@@ -24,7 +24,7 @@ def same_way(found: np.ndarray, wanted: np.ndarray) -> bool:
     return found.shape == wanted.shape and (np.allclose(found, wanted) or np.allclose(found[::-1], wanted))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.integers(1, len(BEND) - 2), max_size=12), st.randoms(use_true_random=False))
 def test_order_and_sense_of_the_pieces_do_not_matter(cuts: list[int], random: object) -> None:
     lines = [one[::-1] if random.random() < 0.5 else one for one in pieces(BEND, cuts)]  # type: ignore[attr-defined] # hypothesis gives random.Random

@@ -112,7 +112,7 @@ def model() -> Iterator[Whole]:
         yield Whole(Path(name), filled(Path(name)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @example(pages={3}, seed=0)
 @given(pages=st.sets(st.integers(1, 700), min_size=1, max_size=4), seed=st.integers(0, 1000))
 def test_whatever_pages_are_lost_what_is_left_is_right_and_in_order(model: Whole, pages: set[int], seed: int) -> None:

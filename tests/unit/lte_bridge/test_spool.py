@@ -41,7 +41,7 @@ def drained(spool: Spool, lane: Lane, most_bytes: int = 4096) -> list[BridgedRec
     return found
 
 
-@settings(max_examples=25, deadline=None)  # every step waits for the disk
+@settings(max_examples=25)  # every step waits for the disk
 @given(
     steps=st.lists(
         st.one_of(
@@ -90,7 +90,7 @@ def test_what_was_put_comes_out_once_and_in_order(steps: list[tuple[str, Lane, i
         spool.close()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.lists(st.tuples(st.sampled_from(LANES), st.integers(200, 3000), st.booleans()), max_size=40))
 def test_the_cap_is_kept_the_oldest_bulk_goes_first_and_every_drop_counts(puts: list[tuple[Lane, int, bool]]) -> None:
     cap = 12_000

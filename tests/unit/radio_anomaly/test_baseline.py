@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.radio_anomaly.baseline import Baseline, Book, Sums, one
@@ -48,7 +48,6 @@ def test_nothing_learned_is_as_wide_as_the_line() -> None:
     assert found.mean_variance == pytest.approx(16.0 * 9.0)
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(

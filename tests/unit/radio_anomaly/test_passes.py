@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.radio_anomaly.held_places import placed_by_time
@@ -64,14 +64,12 @@ def test_negative_kilometrage_has_sections_too() -> None:
     assert section_of(0.0, 100.0) == 0
 
 
-@settings(deadline=None)
 @given(st.floats(0.0, 1.0))
 def test_reception_is_transformed_there_and_back(ratio: float) -> None:
     # asin near 1 loses half of the digits.
     assert plain("reception", transformed("reception", ratio)) == pytest.approx(ratio, abs=1e-7)
 
 
-@settings(deadline=None)
 @given(st.floats(0.0, 1e6))
 def test_corrected_bits_are_transformed_there_and_back(bits: float) -> None:
     assert plain("bits", transformed("bits", bits)) == pytest.approx(bits, rel=1e-9, abs=1e-9)

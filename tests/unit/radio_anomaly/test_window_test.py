@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.radio_anomaly.settings import Settings
@@ -20,7 +20,6 @@ def residuals_of(count: int, seed: int, *, gap: bool = False) -> Residuals:
     return Residuals(sections, residual, generator.uniform(0.1, 2.0, count), variance, np.full(count, 10.0))
 
 
-@settings(deadline=None)
 @given(st.integers(2, 30), st.integers(0, 1000))
 def test_running_sums_are_the_generalised_least_squares_estimate(count: int, seed: int) -> None:
     residuals = residuals_of(count, seed, gap=seed % 2 == 1)

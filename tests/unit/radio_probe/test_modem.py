@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.radio_probe.modem_answers import (
@@ -70,7 +70,6 @@ def test_answers(line: str, report: SignalReport | None) -> None:
     assert report_of(line) == report
 
 
-@settings(deadline=None)
 @given(st.text(max_size=300), st.sampled_from(["", "+CSQ: ", "+CESQ: ", "+QCSQ: ", '+QCSQ: "LTE",', "+CEREG: "]))
 def test_garbage_is_no_answer_and_no_crash(text: str, before: str) -> None:
     report = report_of(before + text)
@@ -78,7 +77,6 @@ def test_garbage_is_no_answer_and_no_crash(text: str, before: str) -> None:
         assert value is None or -160.0 <= value <= 0.0
 
 
-@settings(deadline=None)
 @given(st.lists(st.integers(-1000, 1000), min_size=6, max_size=9))
 def test_any_numbers_stay_on_the_scales(numbers: list[int]) -> None:
     report = report_of("+CESQ: " + ",".join(map(str, numbers)))
@@ -123,7 +121,6 @@ def test_answers_may_come_in_pieces() -> None:
     assert [one.rssi_dbm for one in found] == [-73.0]
 
 
-@settings(deadline=None)
 @given(st.lists(st.binary(max_size=200), max_size=20))
 def test_any_bytes_leave_the_dialogue_whole(chunks: list[bytes]) -> None:
     dialogue = ModemDialogue(("AT+CSQ",), every_s=1.0)

@@ -4,7 +4,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from schemas.position import TrainPosition
@@ -86,7 +86,6 @@ def test_a_clock_that_is_set_back_begins_the_line_anew() -> None:
     assert spot.axis_m == 1010.0
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(0.1, 1.9), st.floats(-30.0, 30.0)), min_size=2, max_size=30), st.floats(0, 1))
 def test_a_place_lies_within_its_bound_of_both_neighbours(steps: list[tuple[float, float]], share: float) -> None:
     t_s, axis_m, line = 0.0, 5000.0, Timeline("T1", 2.0, 1e9)

@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import isfinite
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from services.radio_probe.power_scan import ScanSums, scan_line
@@ -46,7 +46,6 @@ def test_only_bins_inside_count() -> None:
     assert sums.end() == []
 
 
-@settings(deadline=None)
 @given(st.text(max_size=400))
 def test_garbage_is_no_scan_and_no_crash(text: str) -> None:
     sums = ScanSums((BAND,))
@@ -56,7 +55,6 @@ def test_garbage_is_no_scan_and_no_crash(text: str) -> None:
         assert isfinite(one.power_db)
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(), min_size=3, max_size=3), st.lists(st.floats(), min_size=1, max_size=8))
 def test_any_numbers_are_borne(head: list[float], powers: list[float]) -> None:
     sums = ScanSums((Band(channel="all", low_hz=1e-3, high_hz=1e15),))

@@ -33,7 +33,7 @@ def test_without_noise_nothing_is_taken_off() -> None:
     assert excess_of_positive_part(np.array([0.0]), 2.0)[0] == pytest.approx(2.0 / np.sqrt(2.0 * np.pi), rel=1e-6)
 
 
-@settings(max_examples=15, deadline=None)  # the first example compiles
+@settings(max_examples=15)
 @given(white_mps=st.floats(0.03, 0.3), wander_mps=st.floats(0.1, 0.5), seed=st.integers(0, 1000))
 def test_the_noise_left_in_the_acceleration_is_told_from_the_residuals(
     white_mps: float, wander_mps: float, seed: int

@@ -44,7 +44,7 @@ def energy_kwh(trace: SpeedTrace, vehicle: Vehicle) -> float:
     return traction_energy(vehicle, t, trace.speed_mps, slope, np.zeros(len(t)), force).traction_kwh
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     rise=st.floats(0.3, 1.3),
     fall=st.floats(0.4, 1.2),

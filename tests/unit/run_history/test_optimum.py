@@ -84,7 +84,7 @@ def kept(section: Section, vehicle: Vehicle, found: Optimum) -> None:
     assert change[:-1].min() >= -vehicle.service_brake_mps2 - 0.05
 
 
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 @given(climb=st.floats(-15.0, 15.0), slack=st.floats(1.05, 1.5))
 def test_profiles_keep_limits_traction_and_brakes(climb: float, slack: float) -> None:
     section = Section(

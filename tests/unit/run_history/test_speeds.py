@@ -66,7 +66,6 @@ def test_speeds_left_are_those_that_came(seed: int) -> None:
     assert ((left[kept] >= 0.0) & (left[kept] <= 40.0)).all()
 
 
-@settings(deadline=None)  # the first example compiles
 @given(speed_mps=st.floats(0.0, 30.0), rise_mps2=st.floats(-0.1, 0.5), start_m=st.floats(-1e4, 1e4))
 def test_smoothing_leaves_a_steady_rise_alone(speed_mps: float, rise_mps2: float, start_m: float) -> None:
     speed = speed_mps + rise_mps2 * T
@@ -88,7 +87,7 @@ def test_smoothing_bridges_what_is_missing_and_says_how_sure() -> None:
     assert track.way_sigma_m[100] > 1.8 * track.way_sigma_m[30]
 
 
-@settings(max_examples=20, deadline=None)  # the first example compiles
+@settings(max_examples=20)
 @given(seed=st.integers(0, 1000))
 def test_places_contradict_a_speed_that_wanders(seed: int) -> None:
     # What phones do at their worst: 2 m/s too fast for half a minute of a steady run, while the places go on.

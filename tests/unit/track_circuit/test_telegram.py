@@ -40,7 +40,7 @@ def test_no_error_of_up_to_five_bits_passes_in_the_longest_telegram() -> None:
     assert HAMMING_DISTANCE == 6
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 65535), st.integers(0, 65535), st.binary(max_size=64), st.integers(1, 300))
 def test_telegrams_come_back_whatever_the_pieces(circuit: int, sequence: int, payload: bytes, piece: int) -> None:
     noise = np.random.default_rng(0).integers(0, 2, 37).astype(np.int8)
