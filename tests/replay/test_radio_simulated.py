@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import msgspec
 
 from schemas.codec import encode
 from schemas.gnss_time import NS, unix_ns_from_gps
-from schemas.message import Message
 from schemas.position import FaultKind, MotionTruth, SimulatorFault, TrainPosition
 from schemas.radio import RadioMeasurement, Weather
 from schemas.topic import Place
@@ -24,12 +22,12 @@ from schemas.topics import (
 )
 from services.radio_probe.service import SERVICE as PROBE
 from services.radio_probe.settings import Config as ProbeConfig
-from services.runtime.clock import ManualClock
 from services.runtime.guest import guest
 from services.runtime.manual_loop import ManualLoop, manual_loop
-from services.runtime.memory_node import MemoryBus, MemoryNode
+from services.runtime.memory_node import MemoryNode
 from services.simulator.radio_wayside_file import WaysideRadioSettings
 from services.simulator.service import SERVICE, Config
+from tests.replay.service_stage import ServiceStage
 
 START_NS = unix_ns_from_gps(2412, 190_799.93)
 TRAIN = Place("demo", "train", "T1")
@@ -63,40 +61,16 @@ radio = "R03"
 OUTSIDE = guest("outside", "speaks and listens", reads=(RADIO_READING, WEATHER), writes=(SIMULATOR_FAULT, MOTION_TRUTH))
 
 
-class Stage:
-    """The simulator under virtual time, and what its radio says."""
+class Stage(ServiceStage[Config]):
+    """The simulator of a place, and what its radio says."""
 
     def __init__(self, loop: ManualLoop, place: Place, config: Config) -> None:
-        self.loop, self.heard = loop, list[Message]()
-        self.clock, self.bus = ManualClock(loop, START_NS), MemoryBus()
+        super().__init__(loop, SERVICE, config, outside=OUTSIDE, place=place, start_ns=START_NS)
         self.train = MemoryNode(self.bus, OUTSIDE, TRAIN, self.clock)
-        self.outside = MemoryNode(self.bus, OUTSIDE, place, self.clock, capacity=100_000)
-        self.task = loop.create_task(self._start(config, place))
-        loop.settle()
-
-    async def _start(self, config: Config, place: Place) -> None:
-        self.node = MemoryNode(self.bus, SERVICE, place, self.clock)
-        arrivals = self.outside.arrivals(RADIO_READING, WEATHER)
-
-        async def listen() -> None:
-            async for arrival in arrivals:
-                self.heard.append(arrival.message)
-
-        async with asyncio.TaskGroup() as group:
-            group.create_task(listen())
-            await self.node.run(config)
-            self.outside.stop()
-
-    def end(self) -> None:
-        self.node.stop()
-        self.loop.advance(2.0)
-        assert self.task.done()
-        self.task.result()
 
     def fault(self, kind: FaultKind, **fields: Any) -> None:  # noqa: ANN401 - any field
         message = SimulatorFault(t_ns=self.clock.now_ns(), kind=kind, **fields)
-        self.loop.create_task(self.train.publish(SIMULATOR_FAULT, message))
-        self.loop.settle()
+        self.say(self.train, SIMULATOR_FAULT, message)
 
     def readings(self, radio: str = "") -> list[RadioMeasurement]:
         return [one for one in self.heard if isinstance(one, RadioMeasurement) and (not radio or one.radio == radio)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import numpy as np
@@ -14,44 +13,29 @@ from schemas.message import Message
 from schemas.position import TrainTruth
 from schemas.topic import Place
 from schemas.topics import GNSS_EPHEMERIS, GNSS_EPOCH, GNSS_IONOSPHERE, TRAIN_TRUTH
-from services.runtime.clock import ManualClock
 from services.runtime.guest import guest
 from services.runtime.manual_loop import ManualLoop, manual_loop
-from services.runtime.memory_node import MemoryBus, MemoryNode
+from services.runtime.node import Arrival
 from services.simulator.scenario_file import read_scenario
 from services.simulator.service import SERVICE, Config
 from services.simulator.simulation import Simulation
+from tests.replay.service_stage import ServiceStage
 
 START_NS = unix_ns_from_gps(2412, 190_799.93)
 PLACE = Place("demo", "train", "T1")
 LISTENER = guest("listener", "listens", reads=(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE, TRAIN_TRUTH))
 
 
-class Stage:
-    """The service under virtual time, and everything it has published."""
+class Stage(ServiceStage[Config]):
+    """The simulator of an antenna, and everything it has published."""
 
     def __init__(self, loop: ManualLoop, config: Config) -> None:
-        self.loop = loop
-        self.clock = ManualClock(loop, START_NS)
-        self.heard: list[Message] = []
-        self.bus = MemoryBus()
-        self.task = loop.create_task(self._start(config))
-        loop.settle()
+        self.device = config.device
+        super().__init__(loop, SERVICE, config, outside=LISTENER, place=PLACE, start_ns=START_NS)
 
-    async def _start(self, config: Config) -> None:
-        self.node = MemoryNode(self.bus, SERVICE, PLACE, self.clock)
-        listener = MemoryNode(self.bus, LISTENER, PLACE, self.clock, capacity=100_000)
-        arrivals = listener.arrivals(GNSS_EPOCH, GNSS_EPHEMERIS, GNSS_IONOSPHERE, TRAIN_TRUTH)
-
-        async def listen() -> None:
-            async for arrival in arrivals:
-                self.heard.append(arrival.message)
-                assert arrival.fields["device"] == config.device
-
-        async with asyncio.TaskGroup() as group:
-            group.create_task(listen())
-            await self.node.run(config)
-            listener.stop()
+    def hear(self, arrival: Arrival[Message]) -> None:
+        assert arrival.fields["device"] == self.device
+        super().hear(arrival)
 
     def of(self, kind: type[Message]) -> list[Message]:
         return [message for message in self.heard if type(message) is kind]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +24,10 @@ from schemas.topics import (
     TRAIN_CHANGE,
     TRAIN_TRUTH,
 )
-from services.runtime.clock import ManualClock
 from services.runtime.guest import guest
 from services.runtime.manual_loop import ManualLoop, manual_loop
-from services.runtime.memory_node import MemoryBus, MemoryNode
 from services.simulator.service import SERVICE, Config
+from tests.replay.service_stage import ServiceStage
 
 START_NS = unix_ns_from_gps(2412, 190_799.93)
 PLACE = Place("demo", "train", "T1")
@@ -51,34 +49,14 @@ OUTSIDE = guest(
 )
 
 
-class Stage:
-    """The service under virtual time, and everything it has published."""
+class Stage(ServiceStage[Config]):
+    """The simulator of a train, and everything it has published."""
 
     def __init__(self, loop: ManualLoop, folder: Path, text: str, **config: object) -> None:
         path = folder / "scenario.toml"
         path.write_text(text, "utf-8")
-        self.loop, self.heard = loop, list[Message]()
-        self.clock, self.bus = ManualClock(loop, START_NS), MemoryBus()
-        self.outside = MemoryNode(self.bus, OUTSIDE, PLACE, self.clock, capacity=100_000)
-        self.task = loop.create_task(self._start(Config(scenario=str(path), **config)))  # type: ignore[arg-type]  # any field
-        loop.settle()
-
-    async def _start(self, config: Config) -> None:
-        self.node = MemoryNode(self.bus, SERVICE, PLACE, self.clock)
-        arrivals = [
-            self.outside.arrivals(IMU, TACHO, BALISE, MOTION_TRUTH),
-            self.outside.arrivals(TRAIN_CHANGE, GNSS_EPOCH, GNSS_EPHEMERIS, TRAIN_TRUTH),
-        ]
-
-        async def listen(number: int) -> None:
-            async for arrival in arrivals[number]:
-                self.heard.append(arrival.message)
-
-        async with asyncio.TaskGroup() as group:
-            group.create_task(listen(0))
-            group.create_task(listen(1))
-            await self.node.run(config)
-            self.outside.stop()
+        settings = Config(scenario=str(path), **config)  # type: ignore[arg-type]  # any field
+        super().__init__(loop, SERVICE, settings, outside=OUTSIDE, place=PLACE, start_ns=START_NS)
 
     def fault(
         self,
@@ -90,8 +68,7 @@ class Stage:
     ) -> None:
         now_ns = self.clock.now_ns()
         message = SimulatorFault(t_ns=now_ns, kind=kind, active=active, magnitude=magnitude, duration_s=duration_s)
-        self.loop.create_task(self.outside.publish(SIMULATOR_FAULT, message))
-        self.loop.settle()
+        self.say(self.outside, SIMULATOR_FAULT, message)
 
     def imu(self) -> list[ImuBlock]:
         return [message for message in self.heard if isinstance(message, ImuBlock)]
