@@ -5,9 +5,9 @@ How keys are made of them, and topics found from keys: schemas/topic.py.
 
 from __future__ import annotations
 
-from schemas import bridge, gnss, health, motion, position, radio, retention, runs, track_circuit
+from schemas import bridge, gnss, health, motion, position, radio, runs, track_circuit
 from schemas.message import Message
-from schemas.topic import ROOT, Address, Delivery, Query, Topic, TopicError, TopicTable
+from schemas.topic import ROOT, Address, Delivery, Topic, TopicError, TopicTable
 
 GNSS_EPOCH = Topic(
     "train/{train}/gnss/{device}/epoch",
@@ -267,74 +267,9 @@ SERVICE_EVENT = Topic(
     "started, stopping, failed, a gap or a restart seen at an input",
 )
 
-ALL: tuple[Topic[Message], ...] = (
-    GNSS_EPOCH,
-    GNSS_EPHEMERIS,
-    GNSS_IONOSPHERE,
-    GNSS_OWN_POSITION,
-    GNSS_VERDICT,
-    GNSS_FIX,
-    GNSS_COMPARISON,
-    GNSS_CORRECTION,
-    GNSS_FRONT_END,
-    TRAIN_TRUTH,
-    IMU,
-    TACHO,
-    MOTION_WARNING,
-    ODOMETRY,
-    SLIP_EPISODE,
-    WHEEL_SCALE,
-    LANDMARK_MATCH,
-    BRANCH_EVIDENCE,
-    BALISE,
-    TRAIN_CHANGE,
-    TRAIN_POSITION,
-    REFERENCE_PASS,
-    POSITION_EVENT,
-    MOTION_TRUTH,
-    SIMULATOR_FAULT,
-    TRACK_SAMPLES,
-    TRACK_TELEGRAM,
-    TRACK_CODE,
-    TRACK_EQUALISER,
-    TRACK_OCCUPANCY,
-    TRACK_HEALTH,
-    TRACK_EVENT,
-    TRACK_CONFIRMATION,
-    RADIO_READING,
-    RADIO_MEASUREMENT,
-    RADIO_EVENT,
-    RADIO_SECTION,
-    RADIO_ACCEPTANCE,
-    WEATHER,
-    RUN_RECORD,
-    BRIDGE_STATUS,
-    DOCUMENT,
-    HEALTH,
-    SERVICE_EVENT,
-)
+ALL: tuple[Topic[Message], ...] = tuple(found for found in globals().copy().values() if isinstance(found, Topic))
+"""All that stand above, in their order."""
 EVERYTHING = f"{ROOT}/**"
-
-INGEST = Query(
-    "{kind}/{place}/ingest/{shard}",
-    bridge.BridgeBatch,
-    bridge.BridgeAcknowledgement,
-    "records of a bridge, answered once they are durable",
-)
-STORE = Query("cloud/{cloud}/store/{shard}", bridge.StoreQuestion, bridge.StoreAnswer, "rows of a cloud's history")
-HISTORY_TASK = Query(
-    "cloud/{cloud}/history_task/{shard}",
-    bridge.HistoryTask,
-    bridge.HistoryTaskDone,
-    "to learn the radio from a cloud's history, or to analyse it anew; answered once it is done",
-)
-RETAINED = Query(
-    "{kind}/{place}/retained/{service}",
-    retention.RetainedQuestion,
-    retention.RetainedAnswer,
-    "what a service still keeps of its KEPT publications; the runtime answers for it",
-)
-QUERIES: tuple[Query[Message, Message], ...] = (INGEST, STORE, HISTORY_TASK, RETAINED)
 TABLE = TopicTable(ALL)
 
 

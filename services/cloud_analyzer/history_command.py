@@ -13,8 +13,8 @@ from typing import NoReturn
 import msgspec
 
 from schemas.bridge import StoreQuestion
+from schemas.queries import STORE
 from schemas.topic import Place
-from schemas.topics import STORE
 from services.cloud_analyzer.passes_rows import passes_of
 from services.cloud_analyzer.rows_file import RowsFile
 from services.recorder.bus_session_command import BusSession

@@ -11,8 +11,8 @@ import msgspec
 
 from schemas.bridge import Document, StoreQuestion
 from schemas.codec import MAX_MESSAGE_BYTES
+from schemas.queries import STORE
 from schemas.topic import Place
-from schemas.topics import STORE
 from services.cloud_analyzer.model_folding import fitting
 from services.cloud_analyzer.model_rows import IncompleteModelError, content_of
 from services.cloud_analyzer.send_command import say

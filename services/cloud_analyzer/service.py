@@ -23,7 +23,7 @@ from schemas.bridge import (
     StoreAnswer,
     StoreQuestion,
 )
-from schemas.topics import HISTORY_TASK, INGEST, STORE
+from schemas.queries import HISTORY_TASK, INGEST, STORE
 from services.cloud_analyzer import clickhouse_socket
 from services.cloud_analyzer.clickhouse_store import ClickHouseStore
 from services.cloud_analyzer.duckdb_store import DuckDbStore

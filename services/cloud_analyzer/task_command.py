@@ -8,8 +8,8 @@ from typing import NoReturn
 import msgspec
 
 from schemas.bridge import HistoryTask, HistoryTaskDone
+from schemas.queries import HISTORY_TASK
 from schemas.topic import Place
-from schemas.topics import HISTORY_TASK
 from services.recorder.bus_session_command import BusSession
 from services.runtime.question import NoAnswerError, RefusedError
 from services.runtime.zenoh_node import ZenohNode

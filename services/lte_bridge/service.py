@@ -12,8 +12,9 @@ from pathlib import Path
 
 from schemas.bridge import BridgeAcknowledgement, BridgeBatch, BridgedRecord, Document
 from schemas.codec import DecodeError, decode
+from schemas.queries import INGEST, RETAINED
 from schemas.topic import Place, TopicError
-from schemas.topics import BRIDGE_STATUS, DOCUMENT, INGEST, RETAINED, topic_of
+from schemas.topics import BRIDGE_STATUS, DOCUMENT, topic_of
 from services.lte_bridge.batch import CHUNK_RECORDS, BatchError
 from services.lte_bridge.cutting import Cut
 from services.lte_bridge.document_store import DocumentError, keep

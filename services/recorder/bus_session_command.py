@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import msgspec
 
-from schemas import topics
+from schemas import queries, topics
 from schemas.topic import Place
 from services.recorder.live_replay import OriginalAliveError
 from services.recorder.recording_file import RecordingError
@@ -88,7 +88,7 @@ class BusSession:
             has_waited = True
 
         reads, writes = ((), topics.ALL) if self.speaks else (topics.ALL, ())
-        service = guest(self.command, "a command at work", reads=reads, writes=writes, asks=topics.QUERIES)
+        service = guest(self.command, "a command at work", reads=reads, writes=writes, asks=queries.QUERIES)
         return await ZenohNode.open(
             service, self.place, self.command, LiveClock(), bus, on_waiting=waiting, announced=self.speaks
         )

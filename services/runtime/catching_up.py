@@ -12,9 +12,9 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 
+from schemas.queries import RETAINED
 from schemas.retention import RetainedAnswer, RetainedQuestion
 from schemas.topic import Place, TopicError
-from schemas.topics import RETAINED
 from services.runtime.continuity import Continuity, Sender
 from services.runtime.node import Node, Sample
 from services.runtime.question import NoAnswerError, RefusedError

@@ -20,9 +20,10 @@ from typing import Final, NoReturn
 from rich.console import Console
 
 from schemas.bridge import StoreQuestion
+from schemas.queries import STORE
 from schemas.radio import RadioEvent
 from schemas.topic import Place
-from schemas.topics import BRIDGE_STATUS, RADIO_EVENT, STORE
+from schemas.topics import BRIDGE_STATUS, RADIO_EVENT
 from services.runtime.clock import LiveClock
 from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig

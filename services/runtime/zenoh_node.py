@@ -14,8 +14,9 @@ import zenoh
 
 from schemas.codec import encode
 from schemas.message import Message
+from schemas.queries import RETAINED
 from schemas.topic import Delivery, Place, Query, Topic, mirrored_key
-from schemas.topics import RETAINED, TABLE, topic_at
+from schemas.topics import TABLE, topic_at
 from services.runtime.alive import AliveChange, Token, tokens_anywhere
 from services.runtime.attachment import Attachment, encode_attachment
 from services.runtime.clock import Clock

@@ -13,8 +13,9 @@ import pytest
 
 from schemas.bridge import BridgeBatch, BridgedRecord, HistoryTask, StoreAnswer, StoreQuestion
 from schemas.codec import MAX_MESSAGE_BYTES, encode
+from schemas.queries import HISTORY_TASK, INGEST, STORE
 from schemas.topic import Place
-from schemas.topics import HISTORY_TASK, INGEST, RADIO_MEASUREMENT, SERVICE_EVENT, STORE
+from schemas.topics import RADIO_MEASUREMENT, SERVICE_EVENT
 from services.cloud_analyzer.duckdb_store import DuckDbStore
 from services.cloud_analyzer.ingest import Ingest
 from services.cloud_analyzer.service import SERVICE, Config

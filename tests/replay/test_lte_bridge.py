@@ -13,8 +13,9 @@ import pytest
 from schemas import topics
 from schemas.bridge import BridgeAcknowledgement, BridgeBatch, BridgedRecord, BridgeStatus, Document
 from schemas.codec import decode, encode
+from schemas.queries import INGEST
 from schemas.topic import Delivery, Place, mirrored_key
-from schemas.topics import BRIDGE_STATUS, DOCUMENT, INGEST
+from schemas.topics import BRIDGE_STATUS, DOCUMENT
 from services.lte_bridge.batch import packed
 from services.lte_bridge.document_store import newest
 from services.lte_bridge.journal_store import Journal

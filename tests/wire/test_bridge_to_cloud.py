@@ -12,10 +12,11 @@ import msgspec
 
 from schemas.bridge import StoreQuestion
 from schemas.codec import decode
+from schemas.queries import STORE
 from schemas.radio import RadioMeasurement
 from schemas.runs import RunRecord
 from schemas.topic import Place
-from schemas.topics import RADIO_MEASUREMENT, RUN_RECORD, SERVICE_EVENT, STORE
+from schemas.topics import RADIO_MEASUREMENT, RUN_RECORD, SERVICE_EVENT
 from services.runtime.clock import LiveClock
 from services.runtime.guest import guest
 from services.runtime.host_config import BusConfig

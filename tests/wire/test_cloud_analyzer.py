@@ -10,8 +10,9 @@ from pathlib import Path
 import duckdb
 import msgspec
 
+from schemas.queries import INGEST
 from schemas.topic import Place
-from schemas.topics import INGEST, RADIO_MEASUREMENT
+from schemas.topics import RADIO_MEASUREMENT
 from services.radio_anomaly.radio_model_file import read_model
 from services.runtime.clock import LiveClock
 from services.runtime.guest import guest

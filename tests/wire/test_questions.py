@@ -7,7 +7,7 @@ import asyncio
 import pytest
 import zenoh
 
-from schemas import topics
+from schemas import queries
 from schemas.bridge import BridgeAcknowledgement, BridgeBatch
 from schemas.codec import encode
 from schemas.topic import Place
@@ -22,8 +22,8 @@ from tests.wire.stage import KEPT, LIMIT_S, STEP_S, TRAIN, event, take
 
 pytestmark = pytest.mark.usefixtures("router")
 CLOUD = Place("demo", "cloud", "C1")
-ASKER = guest("asker", "asks", asks=(topics.INGEST,))
-STORE = guest("store", "answers", reads=(KEPT,), answers=(topics.INGEST,), mirrors=True)
+ASKER = guest("asker", "asks", asks=(queries.INGEST,))
+STORE = guest("store", "answers", reads=(KEPT,), answers=(queries.INGEST,), mirrors=True)
 COMPRESSED = bytes(range(256)) * 1024
 """A quarter of a megabyte."""
 
@@ -33,7 +33,7 @@ def batch(first: int) -> BridgeBatch:
 
 
 async def answer_all(store: ZenohNode) -> None:
-    async for question in store.questions(topics.INGEST, shard="all"):
+    async for question in store.questions(queries.INGEST, shard="all"):
         assert question.request.compressed == COMPRESSED
         assert question.source == "demo/train/T1/asker"
         if question.request.first == 13:
@@ -55,22 +55,22 @@ async def test_a_question_is_answered_refused_or_ends_in_time(endpoint: str) -> 
     asker = await open_node(ASKER, TRAIN, endpoint)
     try:
         with pytest.raises(NoAnswerError):
-            await asker.ask(topics.INGEST, CLOUD, batch(1), timeout_s=1.0, shard="all")
+            await asker.ask(queries.INGEST, CLOUD, batch(1), timeout_s=1.0, shard="all")
         answering = asyncio.create_task(answer_all(store))
         reply = None
         async with asyncio.timeout(LIMIT_S):
             while reply is None:
                 try:
-                    reply = await asker.ask(topics.INGEST, CLOUD, batch(1), timeout_s=1.0, shard="all")
+                    reply = await asker.ask(queries.INGEST, CLOUD, batch(1), timeout_s=1.0, shard="all")
                 except NoAnswerError:
                     await asyncio.sleep(STEP_S)  # the router has not heard of the store yet
         assert reply.through == 2
         with pytest.raises(RefusedError, match="the disk is full"):
-            await asker.ask(topics.INGEST, CLOUD, batch(13), timeout_s=5.0, shard="all")
+            await asker.ask(queries.INGEST, CLOUD, batch(13), timeout_s=5.0, shard="all")
         with pytest.raises(NoAnswerError):
-            await asker.ask(topics.INGEST, CLOUD, batch(14), timeout_s=0.5, shard="all")
+            await asker.ask(queries.INGEST, CLOUD, batch(14), timeout_s=0.5, shard="all")
         found = await asyncio.gather(
-            *(asker.ask(topics.INGEST, CLOUD, batch(n), timeout_s=10.0, shard="all") for n in range(20, 40))
+            *(asker.ask(queries.INGEST, CLOUD, batch(n), timeout_s=10.0, shard="all") for n in range(20, 40))
         )
         assert [one.through for one in found] == list(range(21, 41))
         store.stop()
@@ -87,7 +87,7 @@ async def test_a_question_that_cannot_be_read_is_refused(endpoint: str) -> None:
 
     def ask() -> list[bytes]:
         with zenoh.open(config) as session:
-            key = topics.INGEST.at(CLOUD, shard="all")
+            key = queries.INGEST.at(CLOUD, shard="all")
             replies = session.get(key, payload=b"\xc1 no message", timeout=5.0)
             return [reply.err.payload.to_bytes() for reply in replies if reply.err is not None]
 
@@ -106,7 +106,7 @@ async def test_a_service_asks_and_mirrors_elsewhere(endpoint: str) -> None:
     try:
         async with asker.elsewhere(BusConfig(connect=(endpoint,))) as there:
             with pytest.raises(NoAnswerError):
-                await there.ask(topics.INGEST, CLOUD, batch(1), timeout_s=0.3, shard="all")
+                await there.ask(queries.INGEST, CLOUD, batch(1), timeout_s=0.3, shard="all")
     finally:
         await asker.close()
 

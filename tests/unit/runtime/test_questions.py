@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from schemas import topics
+from schemas import queries, topics
 from schemas.bridge import BridgeAcknowledgement, BridgeBatch
 from schemas.codec import encode
 from schemas.health import ServiceEvent
@@ -23,8 +23,8 @@ from services.runtime.question import NoAnswerError, Question, RefusedError
 
 TRAIN, CLOUD = Place("demo", "train", "T1"), Place("demo", "cloud", "C1")
 FAR = BusConfig(connect=("tcp/10.0.0.1:7447",))
-ASKER = guest("asker", "asks", asks=(topics.INGEST,))
-STORE = guest("store", "answers", answers=(topics.INGEST,))
+ASKER = guest("asker", "asks", asks=(queries.INGEST,))
+STORE = guest("store", "answers", answers=(queries.INGEST,))
 MIRROR = guest("mirror", "says again", reads=(topics.SERVICE_EVENT,), mirrors=True)
 
 
@@ -42,7 +42,7 @@ def node(bus: MemoryBus, service: Guest, place: Place) -> MemoryNode:
 
 async def answer_all(store: MemoryNode) -> list[str]:
     sources = []
-    async for question in store.questions(topics.INGEST, shard="all"):
+    async for question in store.questions(queries.INGEST, shard="all"):
         sources.append(question.source)
         if question.request.first == 13:
             await question.refuse("the disk is full")
@@ -58,9 +58,9 @@ def test_a_question_is_answered_or_refused_with_the_reason() -> None:
         store, asker = node(bus, STORE, CLOUD), node(bus, ASKER, TRAIN)
         answering = asyncio.create_task(answer_all(store))
         await asyncio.sleep(0)
-        reply = await asker.ask(topics.INGEST, CLOUD, batch(5), timeout_s=1.0, shard="all")
+        reply = await asker.ask(queries.INGEST, CLOUD, batch(5), timeout_s=1.0, shard="all")
         with pytest.raises(RefusedError) as refused:
-            await asker.ask(topics.INGEST, CLOUD, batch(13), timeout_s=1.0, shard="all")
+            await asker.ask(queries.INGEST, CLOUD, batch(13), timeout_s=1.0, shard="all")
         store.stop()
         return reply.through, str(refused.value), await answering
 
@@ -73,15 +73,15 @@ def test_nobody_there_and_a_cut_link_are_no_answer() -> None:
         bus.others[FAR.connect[0]] = far
         store, asker = node(far, STORE, CLOUD), node(bus, ASKER, TRAIN)
         with pytest.raises(NoAnswerError, match="nobody answered"):
-            await asker.ask(topics.INGEST, CLOUD, batch(5), timeout_s=1.0, shard="all")
+            await asker.ask(queries.INGEST, CLOUD, batch(5), timeout_s=1.0, shard="all")
         answering = asyncio.create_task(answer_all(store))
         await asyncio.sleep(0)
         async with asker.elsewhere(FAR) as there:
-            assert (await there.ask(topics.INGEST, CLOUD, batch(5), timeout_s=1.0, shard="all")).through == 6
+            assert (await there.ask(queries.INGEST, CLOUD, batch(5), timeout_s=1.0, shard="all")).through == 6
             far.cut = True
             began_s = asyncio.get_running_loop().time()
             with pytest.raises(NoAnswerError):
-                await there.ask(topics.INGEST, CLOUD, batch(5), timeout_s=4.0, shard="all")
+                await there.ask(queries.INGEST, CLOUD, batch(5), timeout_s=4.0, shard="all")
             waited_s = asyncio.get_running_loop().time() - began_s
         store.stop()
         await answering
@@ -95,9 +95,9 @@ def test_what_is_not_declared_is_refused() -> None:
         bus = MemoryBus()
         other = node(bus, MIRROR, CLOUD)
         with pytest.raises(UndeclaredTopicError, match="asks"):
-            await other.ask(topics.INGEST, CLOUD, batch(1), timeout_s=1.0, shard="all")
+            await other.ask(queries.INGEST, CLOUD, batch(1), timeout_s=1.0, shard="all")
         with pytest.raises(UndeclaredTopicError, match="answers"):
-            other.questions(topics.INGEST, shard="all")
+            other.questions(queries.INGEST, shard="all")
         with pytest.raises(UndeclaredTopicError, match="mirrors"):
             await node(bus, STORE, CLOUD).publish_mirrored(Sample("k", b"", b"", 0))
 
@@ -108,8 +108,8 @@ def test_an_answer_of_another_type_is_refused() -> None:
     async def main() -> None:
         bus = MemoryBus()
         store, asker = node(bus, STORE, CLOUD), node(bus, ASKER, TRAIN)
-        questions = store.questions(topics.INGEST, shard="all")
-        asking = asyncio.create_task(asker.ask(topics.INGEST, CLOUD, batch(1), timeout_s=1.0, shard="all"))
+        questions = store.questions(queries.INGEST, shard="all")
+        asking = asyncio.create_task(asker.ask(queries.INGEST, CLOUD, batch(1), timeout_s=1.0, shard="all"))
         question: Question[Any, Any] = await anext(questions)
         with pytest.raises(TypeError, match="BridgeAcknowledgement"):
             await question.answer(batch(1))
