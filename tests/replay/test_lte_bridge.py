@@ -1,121 +1,27 @@
-"""Bridges on buses in memory, with virtual time and real folders."""
+"""What is kept arrives, in its order and once; events before bulk; documents the other way."""
 
 from __future__ import annotations
 
 import hashlib
-import subprocess
-from collections.abc import Iterator
-from pathlib import Path
 
 import msgspec
 import pytest
 
 from schemas import topics
-from schemas.bridge import BridgeAcknowledgement, BridgeBatch, BridgedRecord, BridgeStatus, Document
+from schemas.bridge import BridgeBatch, Document
 from schemas.codec import decode, encode
 from schemas.queries import INGEST
-from schemas.topic import Delivery, Place, mirrored_key
-from schemas.topics import BRIDGE_STATUS, DOCUMENT
+from schemas.topic import Delivery, mirrored_key
+from schemas.topics import DOCUMENT
 from services.lte_bridge.batch import packed
 from services.lte_bridge.document_store import newest
-from services.lte_bridge.journal_store import Journal
 from services.lte_bridge.service import SERVICE, Config
 from services.lte_bridge.settings import Far
 from services.runtime.catalogue import load_service
-from services.runtime.clock import ManualClock
-from services.runtime.host_config import BusConfig
-from services.runtime.manual_loop import ManualLoop, manual_loop
-from services.runtime.memory_node import MemoryBus, MemoryNode
-from services.runtime.node import Node, Sample, Service
+from services.runtime.memory_node import MemoryNode
+from services.runtime.node import Sample
+from tests.replay.bridge_world import CLOUD, START_NS, TO_CLOUD, UPLINK, World, payloads
 from tests.unit.lte_bridge.records import BULK_KEY, EVENT_KEY, TRAIN, batch, noise, record
-
-CLOUD = Place("demo", "cloud", "C1")
-START_NS = 1_700_000_000_000_000_000
-UPLINK = BusConfig(connect=("tcp/cloud:7447",))
-TO_CLOUD = {"far": Far(name="C1"), "uplink": UPLINK}
-
-
-class World:
-    """A train's bus and a cloud's, joined by an uplink."""
-
-    def __init__(self, loop: ManualLoop, folder: Path) -> None:
-        self.loop = loop
-        self.folder = folder
-        self.clock = ManualClock(loop, START_NS)
-        self.said: list[Sample] = []
-        """Mirrored, in the cloud or on the train."""
-        self.train = MemoryBus(on_publish=self._hear)
-        self.cloud = MemoryBus(on_publish=self._hear)
-        self.train.others[UPLINK.connect[0]] = self.cloud
-        self.status: list[BridgeStatus] = []
-
-    def _hear(self, sample: Sample) -> None:
-        address = topics.topic_of(sample.key)
-        assert address is not None
-        if address.mirrored:
-            self.said.append(sample)
-        elif address.topic is BRIDGE_STATUS and address.place == TRAIN:
-            self.status.append(decode(BridgeStatus, sample.payload))
-
-    def start(self, where: str, **config: object) -> Running:
-        bus, place = (self.train, TRAIN) if where == "train" else (self.cloud, CLOUD)
-        node = MemoryNode(bus, SERVICE, place, self.clock)
-        settings = msgspec.convert({"folder": str(self.folder / where)} | config, Config, from_attributes=True)
-        return Running(self.loop, node, settings)
-
-    def heard(self, *records: BridgedRecord) -> None:
-        """Let the train's bus say something that is kept."""
-        for one in records:
-            sample = Sample(one.key, one.payload, one.attachment, self.clock.now_ns())
-            self.train.put(sample, Delivery.KEPT)
-        self.loop.settle()
-
-    def payloads(self, key: str) -> list[bytes]:
-        return [sample.payload for sample in self.said if sample.key == mirrored_key(key)]
-
-    def once(self, key: str) -> list[bytes]:
-        """Payloads as a reader gets them who leaves repetitions out."""
-        return list(dict.fromkeys(self.payloads(key)))
-
-
-class Running:
-    """A bridge that runs."""
-
-    def __init__(self, loop: ManualLoop, node: MemoryNode, config: Config) -> None:
-        self.loop = loop
-        self.node = node
-        self.task = loop.create_task(node.run(config))
-        loop.settle()
-
-    def stop(self) -> None:
-        self.node.stop()
-        self.loop.settle()
-        assert self.task.done()
-        self.task.result()
-
-    def kill(self) -> None:
-        """End it as far as that goes within one process: nothing more is put down."""
-        self.task.cancel()
-        self.loop.settle()
-        assert self.task.cancelled()
-
-    @property
-    def reasons(self) -> str:
-        return "; ".join(self.node.health.level(self.node.clock.monotonic_s())[1])
-
-    @property
-    def level(self) -> str:
-        return self.node.health.level(self.node.clock.monotonic_s())[0]
-
-
-@pytest.fixture
-def world(tmp_path: Path) -> Iterator[World]:
-    with manual_loop() as loop:
-        yield World(loop, tmp_path)
-
-
-def payloads(records: list[BridgedRecord]) -> list[bytes]:
-    return [one.payload for one in records]
 
 
 def test_it_is_in_the_catalogue_and_takes_every_kept_topic() -> None:
@@ -172,49 +78,6 @@ def test_an_hour_without_link_costs_nothing_and_few_attempts(world: World) -> No
     cloud.stop()
 
 
-def test_kills_of_both_ends_lose_and_repeat_nothing(world: World) -> None:
-    everything = [record(n, EVENT_KEY if n % 7 == 0 else BULK_KEY) for n in range(600)]
-    cloud, train = world.start("cloud", receives=True), world.start("train", **TO_CLOUD)
-    for step in range(60):
-        world.cloud.cut = step % 5 == 3
-        world.heard(*everything[10 * step : 10 * step + 10])
-        world.loop.advance(0.03 * (step % 4))
-        if step % 3 == 0:
-            train.kill()
-            train = world.start("train", **TO_CLOUD)
-        if step % 4 == 0:
-            cloud.kill()
-            cloud = world.start("cloud", receives=True)
-    world.cloud.cut = False
-    world.loop.advance(60.0)
-    for key in (BULK_KEY, EVENT_KEY):
-        # The bus keeps what it said for late readers: what a killed bridge had not spooled is heard again.
-        assert world.once(key) == [one.payload for one in everything if one.key == key]
-    train.stop()
-    cloud.stop()
-
-
-def test_what_was_committed_but_not_said_before_a_kill_is_said_after_it(world: World) -> None:
-    journal = Journal(world.folder / "cloud" / "journal.sqlite")
-    journal.open()
-    records = [record(n) for n in range(10)]
-    assert journal.take(batch(0, records)).fresh == 10
-    assert journal.take(batch(0, records)).repeated == 10
-    journal.close()
-    cloud = world.start("cloud", receives=True)
-    world.loop.advance(2.0)
-    assert world.payloads(BULK_KEY) == payloads(records)
-    cloud.kill()  # at once: what was said may not have left the process, so it is said once more
-    cloud = world.start("cloud", receives=True)
-    world.loop.advance(2.0)
-    assert world.payloads(BULK_KEY) == 2 * payloads(records)
-    world.loop.advance(11.0)
-    cloud.kill()
-    cloud = world.start("cloud", receives=True)
-    assert len(world.said) == 20
-    cloud.stop()
-
-
 def test_events_overtake_a_backlog_on_a_slow_link(world: World) -> None:
     bulk = [record(n, payload=noise(500, n)) for n in range(2000)]
     cloud = world.start("cloud", receives=True)
@@ -235,77 +98,6 @@ def test_events_overtake_a_backlog_on_a_slow_link(world: World) -> None:
     assert len(world.payloads(BULK_KEY)) < 2000
     world.loop.advance(60.0)
     assert world.payloads(BULK_KEY) == payloads(bulk)
-    train.stop()
-    cloud.stop()
-
-
-async def _refuse_twice(node: Node, config: Config) -> None:
-    del config
-    refused = 0
-    async for question in node.questions(INGEST, shard="all"):
-        request = question.request
-        reply = BridgeAcknowledgement(
-            t_ns=0, bridge=request.bridge, lane=request.lane, spool_id=request.spool_id, through=request.first
-        )
-        if refused < 2:
-            refused += 1
-            await question.refuse("the store's disk is full")
-        elif refused < 4:
-            refused += 1
-            await question.answer(
-                msgspec.structs.replace(
-                    reply,
-                    spool_id="another" if refused == 3 else reply.spool_id,
-                    through=reply.through - (refused == 4),
-                )
-            )
-        else:
-            await question.answer(reply)  # of every batch one record
-
-
-def test_a_store_that_refuses_or_answers_nonsense_is_tried_again(world: World) -> None:
-    train = world.start("train", **TO_CLOUD)
-    world.heard(*(record(n) for n in range(5)))
-    store = Service("store", Config, (), (), _refuse_twice, "refuses", answers=(INGEST,))
-    node = MemoryNode(world.cloud, store, CLOUD, world.clock)
-    answering = world.loop.create_task(node.run(Config(receives=True)))
-    world.loop.advance(1.0)
-    assert world.status[-1].backlog_records == 5
-    world.loop.advance(30.0)
-    assert (world.status[-1].backlog_records, world.status[-1].acknowledged) == (0, 5)
-    assert train.node.health.counts["refused_batches"] == 2
-    assert train.level == "ok"
-    train.stop()
-    node.stop()
-    world.loop.settle()
-    answering.result()
-
-
-def test_no_router_at_the_far_end_is_waited_for(world: World) -> None:
-    world.train.others.clear()
-    train = world.start("train", **TO_CLOUD)
-    world.heard(record(0))
-    world.loop.advance(12.0)
-    assert "no router answers at the far end" in train.reasons
-    world.train.others[UPLINK.connect[0]] = world.cloud
-    cloud = world.start("cloud", receives=True)
-    world.loop.advance(10.0)
-    assert world.payloads(BULK_KEY) == [record(0).payload]
-    train.stop()
-    cloud.stop()
-
-
-def test_a_stop_while_the_far_end_is_away_keeps_everything(world: World) -> None:
-    world.train.others.clear()
-    train = world.start("train", **TO_CLOUD)
-    world.heard(record(0))
-    train.stop()  # at once: what waited in memory goes to the disk first
-    world.train.others[UPLINK.connect[0]] = world.cloud
-    world.train = MemoryBus(on_publish=world._hear)  # nothing is left on the bus
-    world.train.others[UPLINK.connect[0]] = world.cloud
-    cloud, train = world.start("cloud", receives=True), world.start("train", **TO_CLOUD)
-    world.loop.advance(2.0)
-    assert world.payloads(BULK_KEY) == [record(0).payload]
     train.stop()
     cloud.stop()
 
@@ -384,44 +176,6 @@ def test_a_clock_that_jumps_makes_no_delay_negative(world: World) -> None:
     world.loop.advance(2.0)
     assert world.status[-1].delay_bulk_s == pytest.approx(0.05)
     assert world.payloads(BULK_KEY) == [record(0).payload, record(1).payload]
-    train.stop()
-    cloud.stop()
-
-
-def test_a_full_disk_is_told_and_nothing_that_was_acknowledged_is_lost(world: World) -> None:
-    disk = world.folder / "train"
-    disk.mkdir()
-    mount = ["/usr/bin/env", "mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(disk)]
-    made = subprocess.run(mount, check=False, capture_output=True)
-    if made.returncode != 0:
-        pytest.skip(f"may not mount a tmpfs: {made.stderr.decode().strip()}")
-    try:
-        _fill_and_free(world, disk)
-    finally:
-        subprocess.run(["/usr/bin/env", "umount", str(disk)], check=True)
-
-
-def _fill_and_free(world: World, disk: Path) -> None:
-    ballast = disk / "ballast"
-    ballast.write_bytes(bytes(1_000_000))
-    train = world.start("train", **TO_CLOUD)
-    sent: list[BridgedRecord] = []
-    while train.level == "ok":
-        sent += [record(len(sent), payload=noise(20_000, len(sent)))]
-        world.heard(sent[-1])
-        world.loop.advance(0.2)
-        assert len(sent) < 200
-    assert train.level == "failed"
-    assert "nothing can be spooled, 1 records wait in memory: database or disk is full" in train.reasons
-    sent += [record(len(sent) + n) for n in range(3)]
-    world.heard(*sent[-3:])
-    world.loop.advance(5.0)
-    ballast.unlink()
-    cloud = world.start("cloud", receives=True)
-    world.loop.advance(90.0)
-    assert train.level == "ok"
-    assert world.payloads(BULK_KEY) == payloads(sent)
-    assert train.node.health.counts["dropped_bulk"] == 0
     train.stop()
     cloud.stop()
 
