@@ -9,11 +9,15 @@ along the axis, and after a break a chainage may occur twice.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+
+LARGEST_CHAINAGE_M: Final = 1e8
+"""No railway's kilometrage counts further than this, to either side of its zero."""
 
 
 class ChainageError(ValueError):
@@ -78,8 +82,8 @@ class Chainage:
 def chainage_of(axis_m: ArrayLike, chainage_m: ArrayLike) -> Chainage:
     """Kilometrage through given places, both of shape (n,), n of at least 2, places in rising order.
 
-    Raises ChainageError for places out of order, more than two chainages at one, and stretches
-    along which chainage stands still.
+    Raises ChainageError for places out of order, more than two chainages at one, stretches along
+    which chainage stands still, and chainages beyond LARGEST_CHAINAGE_M.
 
     >>> float(chainage_of([0.0, 100.0], [5000.0, 5099.0]).at(50.0))
     5049.5
@@ -90,6 +94,8 @@ def chainage_of(axis_m: ArrayLike, chainage_m: ArrayLike) -> Chainage:
     for i in range(len(places)):
         if not (np.isfinite(places[i]) and np.isfinite(given[i])):
             raise ChainageError(i, "no number")
+        if abs(given[i]) > LARGEST_CHAINAGE_M:
+            raise ChainageError(i, f"chainage {given[i]:g} m is none: kilometrage is stated in metres")
         if i > 0 and places[i] < places[i - 1]:
             raise ChainageError(i, f"axis_m {places[i]:g} after {places[i - 1]:g}")
         if i > 0 and places[i] > places[i - 1] and given[i] == given[i - 1]:

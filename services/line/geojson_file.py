@@ -12,6 +12,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from services.line.chainage import LARGEST_CHAINAGE_M
+
 Floats = NDArray[np.float64]
 
 LARGEST_BYTES: Final = 512_000_000
@@ -55,6 +57,8 @@ def read_features(path: Path, select: str = "") -> tuple[Feature, ...]:
         root = msgspec.json.decode(path.read_bytes())
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise GeoJsonError(path, "", f"not JSON: {error}") from error
+    except RecursionError as error:
+        raise GeoJsonError(path, "", "nested too deeply for GeoJSON") from error
     found = tuple(
         feature
         for where, properties, geometry in _geometries(path, root)
@@ -96,7 +100,10 @@ def _features(path: Path, where: str, properties: Mapping[str, Any], geometry: A
     """Lines and points of one geometry; areas are no tracks and are left out."""
     kind = geometry.get("type") if isinstance(geometry, dict) else None
     if kind == "GeometryCollection":
-        for number, one in enumerate(geometry.get("geometries") or ()):
+        inner = geometry.get("geometries")
+        if not isinstance(inner, list):
+            raise GeoJsonError(path, f"{where}.geometries", "no list of geometries")
+        for number, one in enumerate(inner):
             yield from _features(path, f"{where}.geometries[{number}]", properties, one)
         return
     coordinates = geometry.get("coordinates") if isinstance(geometry, dict) else None
@@ -126,17 +133,29 @@ def _vertices(path: Path, where: str, given: Any) -> Floats:  # noqa: ANN401 - p
         raise GeoJsonError(path, where, "no coordinates")
     rows = np.full((len(given), 3), np.nan)
     for number, one in enumerate(given):
-        usable = isinstance(one, list) and len(one) >= 2 and all(isinstance(part, int | float) for part in one)  # noqa: PLR2004 - longitude and latitude
-        if not usable:
+        figures = _figures(one)
+        if figures is None:
             raise GeoJsonError(
                 path, f"{where}.coordinates[{number}]", "a position is [longitude, latitude] or with height"
             )
-        rows[number, : min(len(one), 3)] = one[:3]
-        lon, lat = one[:2]
+        rows[number, : len(figures)] = figures
+        lon, lat = figures[:2]
         if not (abs(lon) <= 360.0 and abs(lat) <= 90.0):  # noqa: PLR2004 - degrees
             advice = "; the coordinates may be projected: GeoJSON wants degrees (WGS 84)" if abs(lat) > 360.0 else ""  # noqa: PLR2004 - degrees
             raise GeoJsonError(path, f"{where}.coordinates[{number}]", f"[{lon}, {lat}] is no place{advice}")
     return rows
+
+
+def _figures(position: Any) -> list[float] | None:  # noqa: ANN401 - parsed JSON
+    """Longitude, latitude and height if there is one; None for what is no position."""
+    if not isinstance(position, list) or len(position) < 2:  # noqa: PLR2004 - longitude and latitude
+        return None
+    if not all(type(part) in (int, float) for part in position):
+        return None
+    try:
+        return [float(part) for part in position[:3]]
+    except OverflowError:
+        return None
 
 
 def _text(properties: Mapping[str, Any], names: tuple[str, ...]) -> str:
@@ -154,7 +173,7 @@ def _chainage_m(path: Path, where: str, properties: Mapping[str, Any]) -> float 
             figure = float(given) * unit_m
         except (TypeError, ValueError):
             figure = math.nan
-        if not math.isfinite(figure):
-            raise GeoJsonError(path, where, f"property {name} is {given!r}, which is no number")
+        if not abs(figure) <= LARGEST_CHAINAGE_M:
+            raise GeoJsonError(path, where, f"property {name} is {given!r}, which is no kilometrage")
         return figure
     return None

@@ -26,6 +26,8 @@ UNNAMED_TURN_RAD: Final = math.radians(6.0)
 SHARPEST_RAD: Final = math.radians(100.0)
 """An axis that turns more than this at a vertex doubles back."""
 TIGHTEST_M: Final = 60.0
+SMALLEST_RADIUS_M: Final = 1.0
+"""A curve tighter than a wheel is none, and its curvature may be no number."""
 RISE_OFF_M: Final = 3.0
 """Heights and stated gradients may differ by so much between two changes of gradient …"""
 PERMILLE_OFF: Final = 3.0
@@ -89,7 +91,7 @@ def curve_problems(curves: Sequence[Curve], alignment: Alignment, path: str) -> 
 def _alone(curve: Curve, field: str) -> Iterator[Problem]:
     """What is wrong with a curve whatever the axis does."""
     long_m = curve.end_axis_m - curve.start_axis_m
-    if curve.radius_m == 0.0 or not math.isfinite(curve.radius_m):
+    if abs(curve.radius_m) < SMALLEST_RADIUS_M or not math.isfinite(curve.radius_m):
         yield error(f"{field}.radius_m", f"{curve.radius_m:g} is no radius", "leave straights out of the list")
     elif abs(curve.radius_m) < TIGHTEST_M:
         yield warning(f"{field}.radius_m", f"{curve.radius_m:g} m is tighter than trains run", "check its unit")

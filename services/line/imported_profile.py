@@ -46,8 +46,12 @@ class ProfileAlong:
             limit_mps=None if limit is None else np.append(limit[1:], limit[-1:]),
         )
 
-    def gradients(self) -> tuple[Gradient, ...]:
-        """Gradients as stated, or those of the heights."""
+    def span_m(self) -> tuple[float, float]:
+        """Where its rows begin and end."""
+        return (float(self.place_m.min()), float(self.place_m.max())) if len(self.place_m) else (np.inf, -np.inf)
+
+    def gradients(self, length_m: float) -> tuple[Gradient, ...]:
+        """Gradients of a line of this length as stated, or those of the heights, level where none are known."""
         if self.gradient_permille is not None:
             known = np.isfinite(self.gradient_permille)
             places, values = self.place_m[known], self.gradient_permille[known]
@@ -57,16 +61,21 @@ class ProfileAlong:
                 for place, value in zip(places[fresh], values[fresh], strict=True)
             )
         known_m = self._known_heights()
-        return gradients_of(np.maximum(known_m[0], 0.0), known_m[1]) if known_m is not None else ()
+        if known_m is None:
+            return ()
+        inside = np.unique(np.clip([0.0, *known_m[0], length_m], 0.0, length_m))
+        return gradients_of(inside, np.interp(inside, *known_m))
 
     def heights_m(self, along_m: Floats) -> Floats:
         """Heights of places: of the straight pieces that `gradients` has; integrated from 0 where none are given."""
         known_m = self._known_heights()
         if known_m is not None:
             places, heights = known_m
-            kept = simplified(places, heights, HEIGHT_TOLERANCE_M)
-            return np.asarray(np.interp(along_m, places[kept], heights[kept]))
-        stated = self.gradients()
+            inside = np.unique(np.clip([0.0, *places, along_m[-1]], 0.0, along_m[-1]))
+            shown = np.interp(inside, places, heights)
+            kept = simplified(inside, shown, HEIGHT_TOLERANCE_M)
+            return np.asarray(np.interp(along_m, inside[kept], shown[kept]))
+        stated = self.gradients(float(along_m[-1]))
         if not stated:
             return np.zeros(len(along_m))
         starts = np.array([one.axis_m for one in stated])

@@ -16,7 +16,7 @@ from services.line.geometry_check import axis_problems, curve_problems, gradient
 from services.line.landmark_check import landmark_problems
 from services.line.places_check import place_problems
 from services.line.problem import Problem, error, warning
-from services.line.route import axis_through, branch_chainage, main_chainage, turn_at_junction_rad
+from services.line.route import axis_through, branch_chainage, junction_fault, main_chainage, turn_at_junction_rad
 
 GAP_M: Final = 1.0
 WIDEST_GAP_M: Final = 20.0
@@ -70,12 +70,9 @@ def _of_route(source: Line | Branch, alignment: Alignment, first_m: float, path:
 def _branch(line: Line, branch: Branch, main: Axis, alignments: dict[str, Alignment], path: str) -> Iterator[Problem]:
     """A branch, and how it hangs on the main line."""
     leaves_m = branch.leaves_axis_m
-    if leaves_m > main.length_m + GAP_M:
-        yield error(
-            f"{path}.leaves_axis_m",
-            f"{leaves_m:g} is beyond the end at {main.length_m:.0f}",
-            "give a place of the main line",
-        )
+    if fault := junction_fault(main, branch):
+        text, advice = fault.split(": ")
+        yield error(f"{path}.leaves_axis_m", text, advice)
         return
     try:
         own = axis_through(branch.axis)
@@ -107,7 +104,8 @@ def _branch(line: Line, branch: Branch, main: Axis, alignments: dict[str, Alignm
 
 
 def _scales(source: Line | Branch, path: str) -> Iterator[Problem]:
-    """Kilometrage that runs much faster or slower than metres, and long jumps."""
+    """Kilometrage that runs much faster or slower than metres, long jumps, and turns without a broken chain."""
+    rose = 0.0
     for number in range(1, len(source.chainage)):
         before, after = source.chainage[number - 1], source.chainage[number]
         long_m, rise_m = after.axis_m - before.axis_m, after.chainage_m - before.chainage_m
@@ -115,6 +113,14 @@ def _scales(source: Line | Branch, path: str) -> Iterator[Problem]:
         if long_m > 0.0 and abs(abs(rise_m) / long_m - 1.0) > SCALE_OFF:
             text = f"{abs(rise_m):.0f} m of kilometrage over {long_m:.0f} m of axis"
             yield warning(field, text, "check both; a broken chain is two rows at one place")
+        if long_m > 0.0 and rise_m * rose < 0.0:
+            way = "rises" if rise_m > 0.0 else "falls"
+            yield warning(
+                field,
+                f"kilometrage {way} from {before.chainage_m:g} on, and did not before",
+                "check it; where a chain is broken, give both chainages of the place",
+            )
+        rose = rise_m if long_m > 0.0 else 0.0
         if long_m == 0.0 and abs(rise_m) > LARGEST_JUMP_M:
             yield warning(field, f"the chain breaks by {rise_m:.0f} m", "check both kilometrages")
 

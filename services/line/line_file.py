@@ -20,11 +20,13 @@ from schemas.line import Branch, ChainagePoint, Line
 from services.line.axis import Axis, AxisError, axis_of
 from services.line.built_in_file import built_in_line, built_in_names
 from services.line.chainage import Chainage, ChainageError, chainage_of
+from services.line.geometry_check import SMALLEST_RADIUS_M
 from services.line.route import (
     BACKWARDS_RAD,
     axis_through,
     branch_axis,
     branch_chainage,
+    junction_fault,
     main_chainage,
     turn_at_junction_rad,
 )
@@ -33,6 +35,7 @@ COLUMNS: Final = ("chainage_m", "lat_deg", "lon_deg", "h_ell_m")
 LONGEST_ID: Final = 64
 LARGEST_BYTES: Final = 256_000_000
 """A vertex per metre of a long line has some 50 MB."""
+VERTEX_ADVICE: Final = "; a vertex is [longitude, latitude, height]: degrees (WGS 84) and metres"
 BACKWARDS: Final = (
     "the branch leaves towards falling axis_m, and routes rise: turn the line round, or describe the branch as a line"
 )
@@ -112,22 +115,15 @@ def _decoded(path: Path, text: str | None) -> Line:
     try:
         return msgspec.json.decode(text, type=Line)
     except msgspec.DecodeError as error:
-        raise LineFileError(path, "", str(error)) from error
+        advice = VERTEX_ADVICE if "axis[" in str(error) else ""
+        raise LineFileError(path, "", f"{error}{advice}") from error
+    except RecursionError as error:
+        raise LineFileError(path, "", "lists and objects are nested too deeply for a line file") from error
 
 
 def _checked(path: Path, line: Line) -> LoadedLine:
     """With its geometry; refused where axis, kilometrage or a curve is none, on the main line or on a branch."""
-    sources: list[tuple[str, Line | Branch]] = [
-        ("$", line),
-        *((f"$.branches[{k}]", branch) for k, branch in enumerate(line.branches)),
-    ]
-    for where, source in sources:
-        for number, curve in enumerate(source.curves):
-            if curve.radius_m == 0.0 or not curve.start_axis_m < curve.end_axis_m:
-                spot = f"{where}.curves[{number}]"
-                raise LineFileError(
-                    path, spot, "no curve: a radius other than 0 and an end beyond its start are wanted"
-                )
+    _require_curves(path, line)
     try:
         axis = axis_through(line.axis)
         chainage = main_chainage(line, axis)
@@ -136,6 +132,8 @@ def _checked(path: Path, line: Line) -> LoadedLine:
     except ChainageError as error:
         raise LineFileError(path, f"$.chainage[{error.place}]", error.text) from error
     for number, branch in enumerate(line.branches):
+        if fault := junction_fault(axis, branch):
+            raise LineFileError(path, f"$.branches[{number}].leaves_axis_m", fault)
         try:
             branch_axis(axis, branch)
             branch_chainage(line, axis, branch)
@@ -146,6 +144,21 @@ def _checked(path: Path, line: Line) -> LoadedLine:
         except ChainageError as error:
             raise LineFileError(path, f"$.branches[{number}].chainage", error.text) from error
     return LoadedLine(line, LineGeometry(line.id, line.name, axis, chainage))
+
+
+def _require_curves(path: Path, line: Line) -> None:
+    """Refuse curves without a radius or a length, on the main line and on branches."""
+    sources: list[tuple[str, Line | Branch]] = [
+        ("$", line),
+        *((f"$.branches[{k}]", branch) for k, branch in enumerate(line.branches)),
+    ]
+    for where, source in sources:
+        for number, curve in enumerate(source.curves):
+            if abs(curve.radius_m) < SMALLEST_RADIUS_M or not curve.start_axis_m < curve.end_axis_m:
+                spot = f"{where}.curves[{number}]"
+                raise LineFileError(
+                    path, spot, "no curve: a radius of metres, not 0, and an end beyond its start are wanted"
+                )
 
 
 def _from_csv(path: Path, text: str) -> LoadedLine:

@@ -27,6 +27,8 @@ from services.numerics.geodesy import enu_about
 Floats = NDArray[np.float64]
 
 TRACK_SAMPLES: Final = 50
+UNCOVERED_M: Final = 500.0
+"""Tracks go on so far behind the last station; more is worth a note."""
 APART_M: Final = 2.0
 """A branch further from the main line than this has left it: beyond the width of a turnout."""
 
@@ -96,6 +98,8 @@ def import_line(
     heights = _profile_along(profile, placed, wishes, float(axis.along_m[-1]), turned=turned and len(tracks) == 1)
     if heights is None:
         notes.append("no profile: the axis lies on the ellipsoid, and no gradients are stated")
+    else:
+        notes += _covered(heights, float(axis.along_m[-1]))
     main = lay(reference, axis, heights.heights_m(axis.along_m) if heights else np.zeros(len(axis.along_m)), 0.0)
     branches = _branches(reference, stitched, main, wishes.vertex_accuracy_m, notes)
     ways = [(way.smooth.along_m, way.smooth.plane_m) for way in (main, *(branch for branch, _ in branches))]
@@ -109,7 +113,7 @@ def import_line(
         axis=main.vertices,
         chainage=_chainage(placed, main, notes),
         curves=main.curves(),
-        gradients=heights.gradients() if heights else (),
+        gradients=heights.gradients(float(axis.along_m[-1])) if heights else (),
         speed_limits=heights.speed_limits(float(main.axis_m[-1])) if heights else (),
         stations=_stations(placed, 0, main),
         parallel_tracks=_parallel(stitched, main),
@@ -171,6 +175,22 @@ def _profile_along(
     figures = [chainage[0] - scale * along[0], *chainage, chainage[-1] + scale * (length_m - along[-1])]
     distinct = np.concatenate([[True], np.diff(ends) > 0.0])
     return profile.by_axis(Chainage(ends[distinct], np.array(figures)[distinct]))
+
+
+def _covered(profile: ProfileAlong, length_m: float) -> list[str]:
+    """A note where heights cover part of the line alone. Raises ImportRefusedError for a profile that covers none.
+
+    Gradients and limits go on from their last row, so their end needs no note.
+    """
+    first_m, last_m = profile.span_m()
+    by_height = profile.height_m is not None
+    if first_m >= length_m or (by_height and last_m < 0.0):
+        msg = f"no row of the profile lies on the line, which is {length_m:.0f} m long: its places are in metres"
+        raise ImportRefusedError(msg)
+    if by_height and max(first_m, length_m - last_m) > UNCOVERED_M:
+        covered = f"axis_m {max(first_m, 0.0):.0f} to {min(last_m, length_m):.0f} of {length_m:.0f} m"
+        return [f"the profile covers {covered}; beyond, heights are level"]
+    return []
 
 
 def _branches(

@@ -12,6 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from services.line.chainage import LARGEST_CHAINAGE_M
+
 Floats = NDArray[np.float64]
 
 PLACES: Final = ("axis_m", "chainage_m")
@@ -19,6 +21,10 @@ HEIGHTS: Final = ("h_m", "height_m", "altitude_m", "h_ell_m")
 GRADIENTS: Final = ("gradient_permille", "permille")
 LIMITS: Final = {"limit_mps": 1.0, "speed_limit_mps": 1.0, "limit_kmh": 1.0 / 3.6, "speed_limit_kmh": 1.0 / 3.6}
 LARGEST_BYTES: Final = 64_000_000
+LARGEST_HEIGHT_M: Final = 20_000.0
+STEEPEST_PERMILLE: Final = 150.0
+SLOWEST_MPS, FASTEST_MPS = 0.1, 140.0
+"""A line file takes no more."""
 
 
 class ProfileFileError(ValueError):
@@ -88,4 +94,16 @@ def _number(path: Path, line: int, name: str, text: str | None, *, needed: bool)
         figure = math.nan
     if not math.isfinite(figure):
         raise ProfileFileError(path, line, f"{name} is {text!r}, which is no number")
+    low, high = _range(name)
+    if not low <= figure <= high:
+        advice = "; leave the cell empty where no limit is stated" if name in LIMITS else ""
+        raise ProfileFileError(path, line, f"{name} is {text}: {low:g} to {high:g} is wanted{advice}")
     return figure
+
+
+def _range(name: str) -> tuple[float, float]:
+    """What a column may say; of limits more than nothing."""
+    if name in LIMITS:
+        return SLOWEST_MPS / LIMITS[name], round(FASTEST_MPS / LIMITS[name], 3)
+    largest = {**dict.fromkeys(HEIGHTS, LARGEST_HEIGHT_M - 1.0), **dict.fromkeys(GRADIENTS, STEEPEST_PERMILLE)}
+    return -largest.get(name, LARGEST_CHAINAGE_M), largest.get(name, LARGEST_CHAINAGE_M)

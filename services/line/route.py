@@ -19,6 +19,8 @@ from services.numerics.geodesy import enu_about, geodetic_from_ecef
 Floats = NDArray[np.float64]
 BACKWARDS_RAD: Final = np.pi / 2.0
 """A branch that turns by more where it leaves runs towards falling `axis_m`, which no route does."""
+JUNCTION_SLACK_M: Final = 1.0
+"""Lengths are rounded: a branch may leave so far beyond the end of the main line."""
 Stretch = TypeVar("Stretch", Curve, SpeedLimit, Surroundings)
 
 
@@ -83,6 +85,15 @@ def axis_through(vertices: Sequence[Vertex]) -> Axis:
     """Axis through the vertices of a line file. Raises AxisError."""
     lon, lat, height = np.array(vertices, float).T
     return axis_of(lat, lon, height)
+
+
+def junction_fault(main: Axis, branch: Branch) -> str:
+    """Why a branch cannot leave where it says that it does; empty where it can."""
+    if branch.leaves_axis_m <= 0.0:
+        return "a branch leaves beyond the line's beginning: let the main line begin before it"
+    if branch.leaves_axis_m > main.length_m + JUNCTION_SLACK_M:
+        return f"{branch.leaves_axis_m:g} is beyond the end at {main.length_m:.0f}: give a place of the main line"
+    return ""
 
 
 def turn_at_junction_rad(main: Axis, branch: Branch) -> float:

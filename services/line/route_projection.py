@@ -31,6 +31,8 @@ REACH_M: Final = 40.0
 FASTEST_MPS: Final = 100.0
 LONGEST_GAP_S: Final = 60.0
 """After this long without a place all passages are candidates anew."""
+SHORT_GAP_S: Final = 5.0
+"""After this long a train may have come to another passage of the line: all that it can have reached are candidates."""
 MOST_MISSED: Final = 5
 """So many places in a row beyond GATE_M of every way: all passages are candidates anew."""
 SAME_M: Final = 60.0
@@ -167,6 +169,39 @@ def _spawn(junction: Floats, route: Ints, at_m: Floats, aside_m: Floats, weight:
 
 
 @inner_kernel
+def _reached(
+    axis_m: Floats,
+    plane_m: Floats,
+    first: Ints,
+    place: Floats,
+    reach_m: float,
+    route: Ints,
+    at_m: Floats,
+    aside_m: Floats,
+    weight: Floats,
+    count: int,
+) -> int:
+    """All passages near a place that a way before can have reached, each as probable as the best of these.
+
+    Gives the number of ways; 0, and all as it was, where there is none.
+    """
+    new_route, new_at_m, new_aside_m = np.zeros_like(route), np.zeros_like(at_m), np.zeros_like(aside_m)
+    near = _seed(axis_m, plane_m, first, place, new_route, new_at_m, new_aside_m)
+    new_weight = np.full(near, -np.inf)
+    for j in range(near):
+        for k in range(count):
+            if route[k] == new_route[j] and abs(at_m[k] - new_at_m[j]) <= reach_m:
+                new_weight[j] = max(new_weight[j], weight[k])
+    kept = 0
+    for j in range(near):
+        if new_weight[j] > -np.inf:
+            route[kept], at_m[kept], aside_m[kept] = new_route[j], new_at_m[j], new_aside_m[j]
+            weight[kept] = new_weight[j]
+            kept += 1
+    return kept
+
+
+@inner_kernel
 def _kept(route: Ints, at_m: Floats, aside_m: Floats, weight: Floats, count: int) -> int:
     """Drop ways that are given up or have run together; weights are then relative to the best. Gives their number."""
     top = weight[:count].max()
@@ -247,7 +282,11 @@ def _follow_ways(
         else:
             count = _spawn(junction, route, at_m, aside_m, weight, count)
             reach_m = REACH_M + FASTEST_MPS * gap_s
-            for k in range(count):
+            reached = 0
+            if gap_s > SHORT_GAP_S:
+                reached = _reached(axis_m, plane_m, first, places[i], reach_m, route, at_m, aside_m, weight, count)
+            count = reached if reached > 0 else count
+            for k in range(count if reached == 0 else 0):
                 low, high = first[route[k]], first[route[k] + 1]
                 own = axis_m[low:high]
                 start = low + max(np.searchsorted(own, at_m[k] - reach_m) - 1, 0)

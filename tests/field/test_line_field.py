@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from services.line.alignment import Alignment, alignment_of
+from services.line.geojson_file import read_features
 from services.line.import_file import import_from_files
 from services.line.line_check import problems_of
 from services.line.line_import import Imported, Wishes
+from services.line.projection import follow
 from services.line.route_projection import project_run
 
 FIELD = os.environ.get("KIROTEI_FIELD_DATA")
@@ -50,6 +52,13 @@ def test_pieces_of_a_national_map_make_a_line_of_its_stated_length(company: str,
     assert imported.length_m / 1000.0 == pytest.approx(stated_km, rel=0.025)
     assert len(imported.line.stations) > 5
     assert not [one for one in problems_of(imported.line) if one.severity == "error"]
+    # The map's scatter is 0.3 to 0.6 m; beyond 10 m run other tracks of the same map.
+    axis = alignment_of(imported.line).axis
+    tracks = read_features(N02 / company / f"{company}{line}.geojson")
+    lon, lat = np.concatenate([one.vertices[:, :2] for one in tracks]).T
+    places = axis.to_plane(lat, lon, np.zeros(len(lat)))
+    aside_m = np.abs(follow(axis, places, np.full(len(places), np.inf))[:, 1])
+    assert np.percentile(aside_m[aside_m < 10.0], 95.0) < 1.0
 
 
 @pytest.fixture(scope="module")

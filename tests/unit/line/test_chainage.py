@@ -56,6 +56,7 @@ def test_a_bound_across_a_break_covers_both_sides() -> None:
         ([0.0, 5.0, 5.0, 5.0, 9.0], [0.0, 5.0, 6.0, 7.0, 9.0], "more than two"),
         ([0.0, 0.0, 5.0], [0.0, 1.0, 5.0], "at the end"),
         ([0.0, np.nan], [0.0, 1.0], "no number"),
+        ([0.0, 5.0], [0.0, 1e300], "place 2: chainage 1e\\+300 m is none"),
     ],
 )
 def test_what_is_no_kilometrage_is_refused(axis: list[float], given_m: list[float], words: str) -> None:

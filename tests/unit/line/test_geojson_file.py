@@ -76,6 +76,11 @@ def test_features_are_selected_by_any_property(tmp_path: Path) -> None:
         (feature("Point", [355977.1, 5262562.9]), "may be projected"),
         (feature("Point", [1, 2], km="far"), "property km is 'far'"),
         ({"type": "LineString", "coordinates": 7}, "no coordinates"),
+        (feature("LineString", [[True, 2], [1, 3]]), r"coordinates\[0\]: a position is"),
+        (feature("LineString", [[10**400, 2], [1, 3]]), r"coordinates\[0\]: a position is"),
+        (feature("Point", [1, 2], km=1e300), "property km is 1e\\+300"),
+        ({"type": "GeometryCollection", "geometries": 7}, r"\$\.geometries: no list"),
+        ('{"a":' * 5000, "nested too deeply"),
     ],
 )
 def test_what_cannot_be_read_is_named(tmp_path: Path, content: object, words: str) -> None:
@@ -104,6 +109,11 @@ def test_a_profile_is_read_in_order_of_place(tmp_path: Path) -> None:
         ("axis_m,h_m\n1,nan\n", "p.csv:2: h_m is 'nan'"),
         ("axis_m,h_m\n", "no rows"),
         ("", "columns wanted"),
+        ("axis_m,h_m\n1,1e308\n", "p.csv:2: h_m is 1e308: -19999 to 19999 is wanted"),
+        ("axis_m,permille\n1,200\n", "p.csv:2: permille is 200: -150 to 150 is wanted"),
+        ("axis_m,limit_kmh\n1,0\n", "p.csv:2: limit_kmh is 0: 0.36 to 504 is wanted; leave the cell empty"),
+        ("axis_m,limit_kmh\n1,5000\n", "p.csv:2: limit_kmh is 5000"),
+        ("chainage_m,h_m\n1e300,0\n", "p.csv:2: chainage_m is 1e300"),
     ],
 )
 def test_a_profile_that_is_none_is_named(tmp_path: Path, content: str, words: str) -> None:
@@ -127,7 +137,7 @@ def test_a_profile_seen_from_the_other_end_falls_where_it_rose() -> None:
         limit_mps=np.array([20.0, 10.0, np.nan]),
     )
     turned = profile.turned(1000.0)
-    assert [(one.axis_m, one.permille) for one in turned.gradients()] == [(0.0, 5.0), (600.0, -10.0)]
+    assert [(one.axis_m, one.permille) for one in turned.gradients(1000.0)] == [(0.0, 5.0), (600.0, -10.0)]
     limits = [(one.start_axis_m, one.end_axis_m, one.limit_mps) for one in turned.speed_limits(1000.0)]
     assert limits == [(0.0, 600.0, 10.0), (600.0, 1000.0, 20.0)]
     assert turned.heights_m(np.array([0.0, 600.0, 1000.0])).tolist() == [0.0, 3.0, -1.0]

@@ -112,6 +112,16 @@ FAULTS: dict[str, tuple[Callable[[], Line], str, str]] = {
         "$.chainage[1]",
         "stands still",
     ),
+    "chainage beyond all railways": (
+        lambda: with_one("chainage", 1, chainage_m=1e300),
+        "$.chainage[1]",
+        "is none",
+    ),
+    "branch that leaves before the line begins": (
+        lambda: with_branch(leaves_axis_m=0.0),
+        "$.branches[0].leaves_axis_m",
+        "begin before it",
+    ),
     "axis with a wild vertex": (
         lambda: replace(DEMO, axis=(*DEMO.axis[:50], (133.9, 34.99, 0.0), *DEMO.axis[50:])),
         "$.axis[50]",
@@ -176,6 +186,15 @@ def test_all_faults_are_listed_at_once_errors_first() -> None:
     ("line", "field", "words"),
     [
         (replace(DEMO, curves=DEMO.curves[1:]), "$.curves", "without a listed curve"),
+        (
+            replace(
+                DEMO,
+                chainage=tuple(ChainagePoint(axis_m=1000.0 * k, chainage_m=one) for k, one in enumerate((0, 1000, 0))),
+                branches=(),
+            ),
+            "$.chainage[2].chainage_m",
+            "falls from 1000 on",
+        ),
         (
             replace(DEMO, axis=tuple((x, y, 0.0) for x, y, _ in DEMO.axis), branches=()),
             "$.axis",

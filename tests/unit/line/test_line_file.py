@@ -9,6 +9,7 @@ import pytest
 from services.line.line_file import LineFileError, read_line
 
 HEADER = "chainage_m,lat_deg,lon_deg,h_ell_m\n"
+PLAIN = '{"id": "a", "name": "A", "axis": [[0, 0, 0], [0.1, 0, 0]], '
 
 
 def test_a_polyline_has_its_own_kilometrage(tmp_path: Path) -> None:
@@ -50,6 +51,21 @@ def test_a_line_file_may_leave_the_kilometrage_out(tmp_path: Path) -> None:
         (
             '{"id": "a", "name": "", "axis": [[0, 0, 0], [0.1, 0, 0]], "chainage": [{"axis_m": 0, "chainage_m": 1}]}',
             r"\$\.chainage\[0\]: a kilometrage needs",
+        ),
+        # Longitude and latitude exchanged.
+        (
+            '{"id": "a", "name": "A", "axis": [[35, 135, 0], [35, 136, 0]]}',
+            r"a vertex is \[longitude, latitude, height\]",
+        ),
+        ('{"id": "a", "name": "A", "more": ' + "[" * 5000, "nested too deeply"),
+        (
+            PLAIN + '"curves": [{"start_axis_m": 1, "end_axis_m": 9, "radius_m": 5e-324}]}',
+            r"\$\.curves\[0\]: no curve",
+        ),
+        (
+            PLAIN
+            + '"branches": [{"id": "b", "name": "", "leaves_axis_m": 0, "side": "left", "axis": [[0,0,0], [1,0,0]]}]}',
+            r"\$\.branches\[0\]\.leaves_axis_m: a branch leaves beyond",
         ),
     ],
 )

@@ -204,6 +204,32 @@ def test_show_gives_tables_json_and_a_picture(tmp_path: Path) -> None:
     assert refused.exit_code == 1
 
 
+@pytest.mark.parametrize(
+    ("rows", "words", "code"),
+    [
+        ("0,10\n1000,20\n", "the profile covers axis_m 0 to 1000", 0),
+        ("1000000,10\n2000000,20\n", "no row of the profile lies on the line", 1),
+    ],
+)
+def test_heights_of_a_part_are_level_beyond(tmp_path: Path, rows: str, words: str, code: int) -> None:
+    axis, profile, out = (tmp_path / name for name in ("a.geojson", "p.csv", "line.json"))
+    axis.write_text(json.dumps({"type": "LineString", "coordinates": [[0.001 * k, 0.0] for k in range(40)]}), "utf-8")
+    profile.write_text("axis_m,height_m\n" + rows, "utf-8")
+    result = RUNNER.invoke(app, ["import", "--axis", str(axis), "--profile", str(profile), "--out", str(out)])
+    assert (result.exit_code, words in result.output) == (code, True)
+    if code == 0:
+        line = msgspec.json.decode(out.read_bytes(), type=Line)
+        assert [(one.axis_m, one.permille) for one in line.gradients] == [(0.0, 10.0), (1000.0, 0.0)]
+        assert not problems_of(line)
+
+
+def test_vertices_of_other_continents_are_no_track(tmp_path: Path) -> None:
+    axis, out = tmp_path / "a.geojson", tmp_path / "line.json"
+    axis.write_text(json.dumps({"type": "LineString", "coordinates": [[0, 0], [0.01, 0], [100, 0]]}), "utf-8")
+    result = RUNNER.invoke(app, ["import", "--axis", str(axis), "--out", str(out)])
+    assert (result.exit_code, "$.coordinates[2]: " in result.output, out.exists()) == (1, True, False)
+
+
 def test_a_profile_may_go_by_kilometrage(tmp_path: Path) -> None:
     axis, stations, profile = drawn_map(tmp_path)
     along = np.arange(0.0, MAIN.length_m, 50.0)

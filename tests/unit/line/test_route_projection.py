@@ -95,6 +95,27 @@ def test_a_line_that_nears_itself_is_not_confused() -> None:
     assert np.abs(late.axis_m - places[-50:])[20:].max() < 30.0
 
 
+def test_after_a_short_gap_passages_side_by_side_are_both_possible() -> None:
+    # 1.5 km to the east, a loop back, and on to the east 10 m beside: for a kilometre both passages are near.
+    turn = np.linspace(0.0, np.pi, 61)[1:]
+    east = [np.arange(0.0, 1501.0, 10.0), 1500.0 + 200.0 * np.sin(turn), np.arange(1490.0, 499.0, -10.0)]
+    east += [500.0 - 205.0 * np.sin(turn), np.arange(510.0, 3000.0, 10.0)]
+    north = [np.zeros(151), 200.0 - 200.0 * np.cos(turn), np.full(100, 400.0), 195.0 + 205.0 * np.cos(turn)]
+    x, y = np.concatenate(east) / 111_319.5, np.concatenate([*north, np.full(249, -10.0)]) / 110_574.3
+    axis = tuple((float(lon), float(lat), 0.0) for lon, lat in zip(x, y, strict=True))
+    way = alignment_of(Line(id="o", name="o", axis=axis))
+    for lost_s in (20, 26, 43):  # the first place of each is nearer to the wrong passage
+        t_s = np.concatenate([np.arange(lost_s), np.arange(lost_s + 40.0, 250.0)])
+        lat, lon, _ = way.position(15.0 * t_s)
+        noise = np.random.default_rng(lost_s).normal(0.0, 6.0 / METRES_PER_DEGREE, (2, len(t_s)))
+        found = project_run((way,), t_s, lat + noise[0], lon + noise[1])
+        wrong = np.abs(found.axis_m - 15.0 * t_s) > 50.0
+        assert wrong[lost_s]
+        # Ten places count as one: after a few the right one is ahead, and until then neither is sure.
+        assert not wrong[lost_s + 15 :].any()
+        assert (found.probability[wrong] < 0.9).all()
+
+
 def test_tracks_side_by_side_are_counted_not_guessed() -> None:
     line = Line(
         id="p",
