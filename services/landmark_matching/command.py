@@ -143,11 +143,12 @@ def match(
 
     Example: kirotei landmarks match run1 --line demo --landmarks landmarks.json --out matches.csv --plot curvature.png
     """
-    from services.landmark_matching.curvature_plot import save_curvature
+    from services.landmark_matching.curvature_plot import draw_curvature
     from services.landmark_matching.log_run_file import read_run
     from services.landmark_matching.matches_file import write_matches
     from services.landmark_matching.run_matching import match_run
     from services.landmark_matching.settings import MatchSettings
+    from services.odometry_fusion.picture_plot import save_picture
 
     with told("landmarks match"):
         axes = None if start_axis is None else [start_axis]
@@ -166,8 +167,8 @@ def match(
         write_matches(out, found.matches, sensor_behind_front)
         if plot is not None:
             every = {one.id: one for ones in known.landmarks.values() for one in ones}
-            title = f"{run.name} against landmarks {known.database_version} of {known.line}"
-            save_curvature(plot, found, list(every.values()), title)
+            title = f"{run.name} against the landmarks of {known.line} ({known.database_version})"
+            save_picture(plot, draw_curvature(found, list(every.values()), known.curves, title))
     typer.echo(json.dumps(_match_json(found), indent=1) if as_json else _match_words(out, found))
 
 

@@ -111,9 +111,30 @@ def evaluate(
     motion: Annotated[list[Path], typer.Option(help="motion.csv to judge; give it again to compare.")],
     truth: Annotated[Path, typer.Option(help="truth.parquet or truth.csv of the log.")],
     plot: Annotated[
-        Path | None, typer.Option(help="Picture to write (.png or .svg): speed, errors, distances.")
+        Path | None, typer.Option(help="Picture to write (.png or .svg): speed, errors, distances, and what follows.")
     ] = None,
-    spacing: Annotated[float, typer.Option(min=10.0, help="Metres between the marks in the picture.")] = 1000.0,
+    spacing: Annotated[float, typer.Option(min=10.0, help="Picture: metres between marks.")] = 1000.0,
+    slip_at: Annotated[
+        float | None, typer.Option(help="Picture: enlarge the slip nearest to this second, not the costliest one.")
+    ] = None,
+    line: Annotated[
+        Path | None, typer.Option(help="Picture: line file, or the name of a line that is built in.")
+    ] = None,
+    balises: Annotated[
+        Path | None, typer.Option(help="Picture: balises.csv, marks instead of even ones; wants --line.")
+    ] = None,
+    matches: Annotated[
+        Path | None, typer.Option(help="Picture: matches.csv, for curvature against the database; wants --line.")
+    ] = None,
+    landmarks: Annotated[
+        Path | None, typer.Option(help="Picture: landmarks.json of the matches; those of the line when left out.")
+    ] = None,
+    sensor_behind_front: Annotated[
+        float, typer.Option(help="Picture: metres by which the inertial sensor is behind the front end.")
+    ] = 0.0,
+    positions: Annotated[
+        Path | None, typer.Option(help="Picture: positions.csv, for the margin along the way.")
+    ] = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -130,9 +151,22 @@ def evaluate(
         tracks = [read_motion(path) for path in motion]
         found = [judged(track, true, wheel) for track in tracks]
         if plot is not None:
-            from services.odometry_fusion.motion_plot import save_motion
+            from services.odometry_fusion.motion_plot import draw_motion
+            from services.odometry_fusion.picture_command import (
+                curvature_panels,
+                known_line,
+                margin_panel,
+                marks_for,
+                reference_passes,
+            )
+            from services.odometry_fusion.picture_plot import save_picture
 
-            save_motion(plot, tracks, true, wheel, spacing)
+            known = known_line(line, landmarks, balises=balises, matches=matches)
+            marks = marks_for(true, spacing, known, balises)
+            panels = curvature_panels(truth.parent, known, matches, sensor_behind_front)
+            if positions is not None:
+                panels.append(margin_panel(positions, truth.parent, reference_passes(balises, matches)))
+            save_picture(plot, draw_motion(tracks, true, wheel, marks, slip_at, panels))
     typer.echo(json.dumps([asdict(one) for one in found], indent=2) if as_json else _table(found))
 
 

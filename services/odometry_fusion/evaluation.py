@@ -220,21 +220,53 @@ def evaluate(track: MotionTrack, truth: MotionTruth, wheel: WheelWay | None) -> 
     )
 
 
-def mark_errors(track: MotionTrack, truth: MotionTruth, spacing_m: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Distances measured between marks in the track, as balises would show them: the paper's Figure 4.
+@dataclass(frozen=True, slots=True, eq=False)
+class Marks:
+    """Places that the train passed, in the order of passing, columns of shape (n,)."""
 
-    Returns the true spacing [m], the measured one, and whether there was a slip in between, one per pair of marks.
-    """
+    kind: str
+    """What they are, in the plural."""
+    t_s: Floats
+    place_m: Floats
+    """Along the track; the distance between two is true whatever the origin."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretches:
+    """Distances between one mark and the next, columns of shape (n,)."""
+
+    begin_m: Floats
+    """True way gone at the first mark of each."""
+    end_m: Floats
+    true_m: Floats
+    measured_m: Floats
+    slipped: NDArray[np.bool_]
+    """Whether a slip began, ended or went on in between."""
+
+
+def even_marks(truth: MotionTruth, spacing_m: float) -> Marks:
+    """Marks every `spacing_m` of the true way, the first half of that after its begin; none on a shorter way."""
+    kind = f"{spacing_m:g} m marks"
     if len(truth.t_s) < 2 or truth.distance_m[-1] - truth.distance_m[0] < spacing_m:  # noqa: PLR2004 - a way has two ends
-        return np.empty(0), np.empty(0), np.empty(0, np.bool_)
+        return Marks(kind, np.empty(0), np.empty(0))
     ahead = np.maximum.accumulate(truth.distance_m)
-    marks_m = np.arange(ahead[0] + 0.5 * spacing_m, ahead[-1], spacing_m)
-    first = np.searchsorted(ahead, marks_m)
+    first = np.searchsorted(ahead, np.arange(ahead[0] + 0.5 * spacing_m, ahead[-1], spacing_m))
     t_s = truth.t_s[np.minimum(first, len(truth.t_s) - 1)]
-    t_s = t_s[(t_s >= track.t_s[0]) & (t_s <= track.t_s[-1])]
-    true_m, own_m = _true_m(truth, t_s), np.interp(t_s, track.t_s, track.distance_m)
-    slipped = np.array(
-        [bool((truth.slip[(truth.t_s >= a) & (truth.t_s <= b)] != 0).any()) for a, b in pairwise(t_s.tolist())],
-        np.bool_,
+    return Marks(kind, t_s, _true_m(truth, t_s))
+
+
+def measured_stretches(t_s: Floats, distance_m: Floats, truth: MotionTruth, marks: Marks) -> Stretches:
+    """Distances between marks by an odometry (or a wheel), as balises would show them (Iwata et al., figure 4).
+
+    Marks beyond its times are left out, and stretches from a mark to itself (a train that turned back).
+    """
+    inside = (marks.t_s >= max(t_s[0], truth.t_s[0])) & (marks.t_s <= min(t_s[-1], truth.t_s[-1]))
+    at_s, place_m = marks.t_s[inside], marks.place_m[inside]
+    true_m = np.abs(np.diff(place_m))
+    kept = true_m > 0.0
+    way_m = _true_m(truth, at_s) - truth.distance_m[0]
+    slipped = [bool((truth.slip[(truth.t_s >= a) & (truth.t_s <= b)] != 0).any()) for a, b in pairwise(at_s.tolist())]
+    measured_m = np.abs(np.diff(np.interp(at_s, t_s, distance_m)))
+    return Stretches(
+        way_m[:-1][kept], way_m[1:][kept], true_m[kept], measured_m[kept], np.array(slipped, np.bool_)[kept]
     )
-    return np.diff(true_m), np.diff(own_m), slipped

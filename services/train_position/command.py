@@ -204,8 +204,9 @@ def evaluate(
 
     Example: kirotei position evaluate positions.csv --truth place.parquet --plot margin.png
     """
+    from services.odometry_fusion.picture_plot import save_picture
     from services.train_position.evaluation import judge
-    from services.train_position.margin_plot import draw_margin, save_figure
+    from services.train_position.margin_plot import draw_margin
     from services.train_position.positions_file import read_passes
 
     with told("position evaluate"):
@@ -214,7 +215,7 @@ def evaluate(
         found = [judge(track, true) for track in tracks]
         if plot is not None:
             met = None if passes is None else read_passes(passes)
-            save_figure(draw_margin(tracks[0], true, met), plot)
+            save_picture(plot, draw_margin(tracks[0], true, met))
     if json_out:
         typer.echo(json.dumps([asdict(one) for one in found], sort_keys=True))
     else:

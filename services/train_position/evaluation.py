@@ -60,6 +60,8 @@ class Passes:
 
     t_s: Floats
     names: tuple[str, ...]
+    kinds: tuple[str, ...] = ()
+    """`landmark` or `balise` each; empty where that is not known."""
 
 
 @dataclass(frozen=True, slots=True)

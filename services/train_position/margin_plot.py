@@ -1,99 +1,140 @@
-"""The margin along the way (Iwata et al., figure 5 below), and errors against their bounds.
+"""The margin along the way (the lower part of Iwata et al., figure 5), and errors against their bounds.
 
 The same input gives the same bytes.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Final
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from services.odometry_fusion.picture_plot import DOTS_PER_INCH, WIDTH_IN, caption, head
 from services.train_position.evaluation import Floats, Passes, Positions, Truth, judge
 
-DOTS_PER_INCH: Final = 150
 PAPER_SHARE: Final = 0.02
 PAPER_SLIP_M: Final = 20.0
-"""The paper's margin without landmarks: 2 % of the way and 20 m for one slip."""
+"""The paper's margin: 2 % of the way since the last reference, and 20 m for one slip."""
+CAB_STEP_M: Final = 30.0
+"""The front end moves by more between two positions when the other cab leads; that is no way gone."""
+FOOT: Final = 0.06
+"""Share of the height at the foot in which the status is told."""
+MARGIN, ERROR, PAPER, SLIP = "#1f5fa8", "#c0392b", "#6f6f6f", "#f6deb6"
+REFERENCES: Final = {"landmark": "#1a7f37", "balise": "#7b3fa0"}
+STATUSES: Final = {"degraded": "#e69f00", "lost": "#c62828"}
+"""Coloured where they hold; everything else is valid."""
 
 
-def draw_margin(positions: Positions, truth: Truth, passes: Passes | None = None) -> Figure:
-    """Margin and error against the way gone, and error against bound. Raises ValueError without common times."""
-    found = judge(positions, truth)
-    true_m = truth.at(positions.t_s)
-    known = np.isfinite(positions.axis_m - true_m)
-    t_s, true_m = positions.t_s[known], true_m[known]
-    steps_m = np.abs(np.diff(true_m, prepend=true_m[0]))
-    way_km = np.cumsum(np.where(steps_m < 30.0, steps_m, 0.0)) / 1000.0  # noqa: PLR2004 - a larger step is a change of cab
-    error_m = positions.axis_m[known] - true_m
-    ahead_m, behind_m = positions.ahead_m[known], positions.behind_m[known]
-    figure = Figure(figsize=(10.0, 7.5), dpi=DOTS_PER_INCH, layout="constrained")
-    grid = figure.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
-    saw = figure.add_subplot(grid[0, :])
-    saw.plot(way_km, positions.margin_m[known], color="#1f5fa8", linewidth=1.2, label="margin published")
-    saw.plot(
-        way_km,
-        PAPER_SHARE * 1000.0 * way_km + PAPER_SLIP_M,
-        color="#888888",
-        linestyle=(0, (5, 3)),
-        linewidth=1.0,
-        label="2 % + 20 m without landmarks",
-    )
-    saw.plot(way_km, np.abs(error_m), color="#c0392b", linewidth=0.9, label="error")
+def way_of(axis_m: Floats) -> Floats:
+    """Way gone [km] from one place to the next, shape (n,); NaN stands still."""
+    kept = axis_m[np.isfinite(axis_m)]
+    filled = np.interp(np.arange(len(axis_m)), np.flatnonzero(np.isfinite(axis_m)), kept) if len(kept) else axis_m * 0.0
+    steps_m = np.abs(np.diff(filled, prepend=filled[0]))
+    return np.asarray(np.cumsum(np.where(steps_m < CAB_STEP_M, steps_m, 0.0)) / 1000.0, np.float64)
+
+
+def draw_saw(
+    axes: Axes, positions: Positions, way_km: Floats, error_m: Floats | None = None, passes: Passes | None = None
+) -> None:
+    """Margin against the way gone with its resets, the paper's margins, slips, status, and the error where known."""
+    margin_m = positions.margin_m
+    _fill(axes, way_km, positions.slip, (0.0, 1.0), SLIP, "slip told")
+    for status, colour in STATUSES.items():
+        there = np.array([one == status for one in positions.status])
+        _fill(axes, way_km, there, (0.0, FOOT), colour, status)
+    axes.plot(way_km, _paper_margin(way_km), color=PAPER, linestyle="--", linewidth=1.1, label="20 m + 2 %")
     if passes is not None and len(passes.t_s):
-        for k, way in enumerate(np.interp(passes.t_s, t_s, way_km)):
-            saw.axvline(way, color="#999999", linewidth=0.5, label="landmark or balise" if k == 0 else None)
-    slipping = positions.slip[known]
-    saw.fill_between(way_km, 0, 1, where=slipping, color="#f5c16c", alpha=0.5, transform=saw.get_xaxis_transform())
-    saw.set_ylim(0.0, max(1.25 * float(positions.margin_m[known].max()), 10.0))
-    saw.set_xlim(0.0, max(float(way_km[-1]), 0.1))
-    saw.set_xlabel("way gone [km]")
-    saw.set_ylabel("[m]")
-    saw.set_title(
-        f"{found.name}: margin {found.median_of_maxima_m:.0f} m median of maxima, "
-        f"{found.largest_margin_m:.0f} m largest; "
-        f"{found.within_percent:.2f} % of {found.compared} positions within their bound",
-        fontsize=10,
-    )
-    saw.legend(loc="upper left", fontsize=8)
-    signed = figure.add_subplot(grid[1, :2])
-    signed.fill_between(way_km, -behind_m, ahead_m, color="#cfe0f3", label="bounds")
-    signed.plot(way_km, -error_m * positions.sign[known], color="#c0392b", linewidth=0.9, label="truth minus estimate")
-    signed.set_xlim(*saw.get_xlim())
-    signed.set_xlabel("way gone [km]")
-    signed.set_ylabel("ahead [m]")
-    signed.legend(loc="upper left", fontsize=8)
-    _draw_against(figure, grid[1, 2], np.abs(error_m), positions.margin_m[known])
-    return figure
-
-
-def _draw_against(figure: Figure, cell: object, error_m: Floats, bound_m: Floats) -> None:
-    axes = figure.add_subplot(cell)  # type: ignore[call-overload]  # a cell of the grid
-    top_m = 1.1 * max(float(bound_m.max()), float(error_m.max()), 1.0)
-    axes.scatter(error_m, bound_m, s=2, color="#1f5fa8", alpha=0.3, linewidths=0, rasterized=True)
-    axes.plot([0.0, top_m], [0.0, top_m], color="#333333", linewidth=1.0)
-    axes.set_xlim(0.0, top_m)
-    axes.set_ylim(0.0, top_m)
-    axes.set_aspect("equal")
-    axes.set_xlabel("error [m]")
+        met_km = np.interp(passes.t_s, positions.t_s, way_km)
+        since_last_km = way_km - np.array([met_km[met_km <= km].max(initial=0.0) for km in way_km])
+        words = "since the last reference"
+        axes.plot(way_km, _paper_margin(since_last_km), color=PAPER, linestyle=":", linewidth=1.1, label=words)
+        _draw_references(axes, met_km, passes)
+    axes.plot(way_km, margin_m, color=MARGIN, linewidth=1.4, label="margin")
+    if error_m is not None:
+        axes.plot(way_km, np.abs(error_m), color=ERROR, linewidth=1.1, label="|error|")
+    axes.set_ylim(0.0, 1.2 * max(10.0, float(np.nanmax(margin_m, initial=0.0))))
+    axes.set_xlim(0.0, max(float(way_km[-1]), 0.1))
+    axes.set_xlabel("way gone [km]")
     axes.set_ylabel("margin [m]")
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write PNG or SVG, by the ending. Raises ValueError for another ending, OSError."""
-    if path.suffix not in (".png", ".svg"):
-        msg = f"{path}: write a picture as .png or .svg"
-        raise ValueError(msg)
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    metadata = {"Date": None} if path.suffix == ".svg" else {"Software": None}
-    try:
-        with mpl.rc_context({"svg.hashsalt": "kirotei"}):
-            FigureCanvasAgg(figure)
-            figure.savefig(part, metadata=metadata)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+def _paper_margin(way_km: Floats) -> Floats:
+    return PAPER_SHARE * 1000.0 * way_km + PAPER_SLIP_M
+
+
+def _fill(
+    axes: Axes, way_km: Floats, where: NDArray[np.bool_], between: tuple[float, float], colour: str, words: str
+) -> None:
+    """Shade the way where something holds, over a part of the height; nothing, nor a name, where it never does."""
+    if where.any():
+        whole = axes.get_xaxis_transform()
+        axes.fill_between(way_km, *between, where=where, color=colour, linewidth=0, transform=whole, label=words)
+
+
+def _draw_references(axes: Axes, met_km: Floats, passes: Passes) -> None:
+    kinds = passes.kinds or ("landmark",) * len(met_km)
+    for kind, colour in REFERENCES.items():
+        places = [km for km, one in zip(met_km.tolist(), kinds, strict=True) if one == kind]
+        if not places:
+            continue
+        axes.vlines(places, 0.0, 1.0, color=colour, linewidth=0.5, alpha=0.5, transform=axes.get_xaxis_transform())
+        axes.plot(
+            places,
+            [0.97] * len(places),
+            "v",
+            color=colour,
+            markersize=6,
+            linestyle="none",
+            transform=axes.get_xaxis_transform(),
+            label=kind,
+        )
+
+
+def draw_margin(positions: Positions, truth: Truth, passes: Passes | None = None) -> Figure:
+    """Margin and error against the way gone, and margin against error. Raises ValueError without common times."""
+    found = judge(positions, truth)
+    error_m = positions.axis_m - truth.at(positions.t_s)
+    way_km = way_of(truth.at(positions.t_s))
+    known = np.isfinite(error_m)
+    figure = Figure(figsize=(WIDTH_IN, 7.2), dpi=DOTS_PER_INCH, layout="constrained")
+    caption(
+        figure,
+        f"{found.name}: {found.within_percent:.2f} % of {found.compared} positions within their bounds; margin's "
+        f"maxima between resets: median {found.median_of_maxima_m:.0f} m, largest {found.largest_margin_m:.0f} m",
+    )
+    grid = figure.add_gridspec(2, 3, height_ratios=(1.15, 1.0))
+    saw = figure.add_subplot(grid[0, :])
+    draw_saw(saw, positions, way_km, error_m, passes)
+    head(saw, "Margin")
+    signed = figure.add_subplot(grid[1, :2], sharex=saw)
+    signed.fill_between(way_km, -positions.behind_m, positions.ahead_m, color="#cfe0f3", linewidth=0, label="bounds")
+    signed.plot(way_km, -error_m * positions.sign, color=ERROR, linewidth=1.0, label="truth − estimate")
+    signed.set_xlabel("way gone [km]")
+    signed.set_ylabel("ahead of the estimate [m]")
+    head(signed, "Truth within the bounds")
+    _draw_against(figure.add_subplot(grid[1, 2]), np.abs(error_m[known]), positions.margin_m[known])
+    return figure
+
+
+def _draw_against(axes: Axes, error_m: Floats, margin_m: Floats) -> None:
+    """Each position by its error and its margin: whatever lies below the diagonal has lied."""
+    right_m = 1.15 * max(float(error_m.max()), 1.0)
+    top_m = 1.1 * max(float(margin_m.max()), 1.0)
+    corner_m = min(right_m, top_m)
+    axes.fill_between(
+        [0.0, corner_m, right_m],
+        0.0,
+        [0.0, corner_m, corner_m],
+        color="#f7d6d2",
+        linewidth=0,
+        label="error above margin",
+    )
+    axes.scatter(error_m, margin_m, s=3, color=MARGIN, alpha=0.35, linewidths=0, rasterized=True)
+    axes.set_xlim(0.0, right_m)
+    axes.set_ylim(0.0, top_m)
+    axes.set_xlabel("|error| [m]")
+    axes.set_ylabel("margin [m]")
+    head(axes, "")

@@ -140,4 +140,5 @@ def read_passes(path: Path) -> Passes:
     return Passes(
         np.array([table.number(line, row, "t_s") for line, row in table.rows]),
         tuple(row["reference"] for _, row in table.rows),
+        tuple(row["kind"] for _, row in table.rows),
     )

@@ -16,15 +16,17 @@ from services.odometry_fusion.evaluation import (
     WheelWay,
     error_of,
     evaluate,
+    even_marks,
     lag_of,
-    mark_errors,
+    measured_stretches,
     spans_of,
 )
 from services.odometry_fusion.motion_file import MotionTableError, read_motion, write_motion
 from services.odometry_fusion.motion_log import MotionLog
 from services.odometry_fusion.motion_log_file import IMU_COLUMNS, MotionLogError, read_motion_log
-from services.odometry_fusion.motion_plot import save_motion
+from services.odometry_fusion.motion_plot import draw_motion
 from services.odometry_fusion.motion_truth_file import read_truth, read_wheel_beside
+from services.odometry_fusion.picture_plot import save_picture
 from tests.unit.odometry_fusion.test_paper_runs import paper, run_of
 
 TOML = """axes = "x forward, y left, z up; right-handed"
@@ -224,9 +226,9 @@ def test_a_constant_lag_is_found_where_nothing_slips() -> None:
 
 def test_marks_measure_the_distance_between_them() -> None:
     track, true = made(np.linspace(0.0, 10.0, 1000))  # 1 % too long
-    true_m, own_m, slipped = mark_errors(track, true, 200.0)
-    assert own_m / true_m == pytest.approx(1.01, abs=1e-4)
-    assert slipped.tolist() == [False, True, False, False]
+    found = measured_stretches(track.t_s, track.distance_m, true, even_marks(true, 200.0))
+    assert found.measured_m / found.true_m == pytest.approx(1.01, abs=1e-4)
+    assert found.slipped.tolist() == [False, True, False, False]
 
 
 def test_commands_run_judge_and_draw(tmp_path: Path) -> None:
@@ -250,7 +252,8 @@ def test_commands_run_judge_and_draw(tmp_path: Path) -> None:
     assert "wheel taken up again rightly [%]" in judged.output
     first = (tmp_path / "plot.png").read_bytes()
     tracks = [read_motion(tmp_path / "wheel.csv"), read_motion(tmp_path / "paper.csv")]
-    save_motion(tmp_path / "plot.png", tracks, read_truth(truth), read_wheel_beside(truth), 1000.0)
+    true = read_truth(truth)
+    save_picture(tmp_path / "plot.png", draw_motion(tracks, true, read_wheel_beside(truth), even_marks(true, 1000.0)))
     assert (tmp_path / "plot.png").read_bytes() == first
     as_json = runner.invoke(app, ["evaluate", *motions, "--truth", str(truth), "--json"])
     assert '"violations": 0' in as_json.output

@@ -11,6 +11,7 @@ import pytest
 from schemas.line import Branch, ParallelTrack
 from schemas.motion import WheelScale as WheelScaleMessage
 from schemas.position import BranchEvidence, PositionEvent, Stretch, TrainChange
+from services.odometry_fusion.picture_plot import save_picture
 from services.train_position.branches import Branches
 from services.train_position.claims import Claim, Interval
 from services.train_position.estimate import Estimate
@@ -19,7 +20,7 @@ from services.train_position.instants import Instant, Scale
 from services.train_position.keeper import PositionKeeper
 from services.train_position.line_places import LinePlaces
 from services.train_position.makeup import Makeup, Shift, changed
-from services.train_position.margin_plot import draw_margin, save_figure
+from services.train_position.margin_plot import draw_margin
 from services.train_position.settings import AntennaPlace, Config
 from services.train_position.table_file import TableError, read_table
 from services.train_position.wheel_scale import WheelScale
@@ -362,10 +363,10 @@ def test_errors_are_judged_against_the_bound_of_their_side() -> None:
 def test_pictures_are_the_same_bytes_twice(tmp_path: Path) -> None:
     positions, truth = saw()
     for name in ("a.svg", "b.svg"):
-        save_figure(draw_margin(positions, truth, Passes(np.array([25.0]), ("C1",))), tmp_path / name)
+        save_picture(tmp_path / name, draw_margin(positions, truth, Passes(np.array([25.0]), ("C1",))))
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
     with pytest.raises(ValueError, match=r"\.png or \.svg"):
-        save_figure(draw_margin(positions, truth), tmp_path / "a.gif")
+        save_picture(tmp_path / "a.gif", draw_margin(positions, truth))
 
 
 def test_tables_name_file_and_line(tmp_path: Path) -> None:
