@@ -16,7 +16,9 @@ from schemas.message import Message, require_columns
 
 Metres = Annotated[float, Meta(ge=0.0)]
 MotionStatus = Literal["valid", "degraded", "lost"]
-WarningKind = Literal["gap", "saturated", "frozen", "axes", "stuck", "reset", "late", "scale", "restart", "noise"]
+WarningKind = Literal[
+    "gap", "saturated", "frozen", "axes", "stuck", "reset", "late", "scale", "restart", "noise", "rate"
+]
 OdometryMethod = Literal["wheel", "paper", "fused"]
 
 

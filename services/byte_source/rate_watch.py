@@ -1,4 +1,4 @@
-"""Whether a receiver gives as many epochs as it should."""
+"""Whether a source gives as much as it should: epochs of a receiver, samples of a sensor."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from typing import Final
 
 _FEWEST: Final = 5
 _SHORTEST_S: Final = 5.0
-_TOLERANCE: Final = 0.2
+TOLERANCE: Final = 0.2
 """Share of the rate by which it may differ: clocks drift far less, one epoch lost in a window counts for more."""
 
 
 class RateWatch:
-    """Counts epochs over a window of five seconds, or of five epochs where they are rarer."""
+    """Counts epochs over a window of five seconds, or of five epochs where they are rarer.
 
-    def __init__(self, expected_hz: float, now_s: float) -> None:
+    `what` names in the plural what is counted, `tolerance` is the share by which the rate may differ.
+    """
+
+    def __init__(self, expected_hz: float, now_s: float, *, what: str = "epochs", tolerance: float = TOLERANCE) -> None:
         """Expect a rate (0: none) from a time on."""
+        self._what, self._tolerance = what, tolerance
         self._expected_hz = expected_hz
         self._window_s = max(_SHORTEST_S, _FEWEST / expected_hz) if expected_hz else 0.0
         self._times_s: deque[float] = deque()
@@ -34,7 +38,7 @@ class RateWatch:
             self._times_s.popleft()
         rate_hz = len(self._times_s) / self._window_s
         # One epoch more or less in the window says nothing.
-        slack_hz = max(_TOLERANCE * self._expected_hz, 1.0 / self._window_s)
+        slack_hz = max(self._tolerance * self._expected_hz, 1.0 / self._window_s)
         if abs(rate_hz - self._expected_hz) <= slack_hz + 1e-9:
             return ""
-        return f"{rate_hz:.3g} epochs per second instead of {self._expected_hz:.3g}"
+        return f"{rate_hz:.3g} {self._what} per second instead of {self._expected_hz:.3g}"

@@ -1,4 +1,4 @@
-"""What is wrong with a pulse counter: stuck while the vehicle moves, or out of step with another axle."""
+"""What is wrong with a pulse counter: stuck while the vehicle moves, begun anew, out of step with another axle."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ STUCK_S: Final = 5.0
 _SHAKES: Final = 3.0
 """A vehicle that runs shakes its inertial sensor by this much more than at its quietest."""
 _SHAKES_AT_LEAST_MPS2: Final = 0.05
+RECENT_S: Final = 60.0
 STEP_M: Final = 1000.0
 SCALE_SHARE: Final = 0.015
 """Wheels of one vehicle are turned to within 1 % of each other; one missing tooth of 90 is 1.1 %."""
@@ -35,6 +36,20 @@ class StuckWatch:
         if time_s - self._since_s < STUCK_S:
             return ""
         return f"no pulse for {time_s - self._since_s:.0f} s while the vehicle shakes as in running"
+
+
+@dataclass(slots=True)
+class Recently:
+    """Whether something that is counted has happened again within the last minute."""
+
+    _count: int = 0
+    _since_s: float = float("-inf")
+
+    def grown(self, count: int, time_s: float) -> bool:
+        """Take a count; True for RECENT_S after it grew."""
+        if count > self._count:
+            self._count, self._since_s = count, time_s
+        return time_s - self._since_s < RECENT_S
 
 
 @dataclass(slots=True)

@@ -6,6 +6,7 @@ from its most significant one, both as byte·8 + bit within the byte.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Final, Literal
 
 import msgspec
@@ -82,18 +83,19 @@ class CanImuSamples:
 
     def feed(self, frame_id: int, content: bytes) -> ImuSample | None:
         """Sample that a frame completes, if it does; what stays incomplete is not kept for the next."""
-        known = False
-        for name, signal in self._signals.items():
-            if signal.frame_id == frame_id:
-                value = signal.value(content)
-                known = True
-                if value is None:
-                    self.counts["short_frames"] += 1
-                    return None
-                self._held[name] = value
+        found = {name: signal.value(content) for name, signal in self._signals.items() if signal.frame_id == frame_id}
+        if found.keys() & self._held.keys():
+            # The frame that should have completed the sample before was lost, and maybe others of it, too.
+            self.counts["incomplete_samples"] += 1
+            self._held = {}
+        for name, value in found.items():
+            if value is None or not math.isfinite(value):
+                self.counts["short_frames"] += 1
+                return None
+            self._held[name] = value
         if self._counter is not None and self._counter.frame_id == frame_id:
             self._number = self._counter.raw(content)
-        self.counts["frames"] += known
+        self.counts["frames"] += bool(found)
         if frame_id != self._last:
             return None
         held, self._held = self._held, {}

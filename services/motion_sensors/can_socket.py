@@ -10,6 +10,8 @@ from services.byte_source.source import READ_S, SourceError
 
 _MOST: Final = 256
 """Frames taken at once."""
+_REFUSALS: Final = (can.CanError, OSError, ValueError, ImportError, NameError, TypeError)
+"""What python-can's interfaces raise without a device, its library, or settings that they need beyond a channel."""
 
 
 class CanConnection:
@@ -31,9 +33,9 @@ class CanConnection:
         self.close()
         try:
             self._bus = can.Bus(interface=self._interface, channel=self._channel)
-        except (can.CanError, OSError, ValueError) as error:
-            up = f"`ip link set {self._channel} up type can bitrate …`"
-            msg = f"it cannot be opened: {error} (is the interface up? {up})"
+        except _REFUSALS as error:
+            up = f" (is the interface up? `ip link set {self._channel} up type can bitrate …`)"
+            msg = f"it cannot be opened: {error}{up if self._interface == 'socketcan' else ''}"
             raise SourceError(msg) from error
 
     def read(self) -> list[tuple[int, bytes]]:

@@ -6,13 +6,14 @@ them, is counted and left out.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
 from services.motion_sensors.imu_sample import ImuSample, new_counts
 
 _LONGEST: Final = 1024
+LARGEST: Final = 2.0**53
+"""Whole numbers beyond are not exact any more, as counts must be; and no sensor measures so much."""
 IMU_COLUMNS: Final = ("t_s", "ax_mps2", "ay_mps2", "az_mps2", "gx_radps", "gy_radps", "gz_radps")
 
 
@@ -45,12 +46,13 @@ class NumberRows:
         return rows
 
     def _row(self, line: bytes) -> tuple[float, ...]:
+        """Wanted numbers of a line; none where one is missing or beyond LARGEST, as NaN is."""
         cells = line.replace(b",", b" ").replace(b";", b" ").split()
         try:
             row = tuple(float(cells[place]) for place in self._places)
         except (IndexError, ValueError):
             return ()
-        return row if all(map(math.isfinite, row)) else ()
+        return row if all(abs(one) <= LARGEST for one in row) else ()
 
 
 class ImuRows:

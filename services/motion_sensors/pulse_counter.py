@@ -29,6 +29,8 @@ class PulseCounter:
     def read(self, raw: int, time_s: float) -> int:
         """Cumulative pulses after a reading. A counter that began anew adds what it has counted since.
 
+        So does one that may have wrapped unseen, by the shortest way; both count as resets.
+
         >>> counter = PulseCounter(modulus=256, largest_hz=1000.0)
         >>> [counter.read(raw, 0.1 * k) for k, raw in enumerate((250, 4, 3))]
         [0, 10, 9]
@@ -40,7 +42,11 @@ class PulseCounter:
         step = raw - self._raw
         if self.modulus:
             step = (step + self.modulus // 2) % self.modulus - self.modulus // 2
-        if abs(step) <= most:
+        if self.modulus and most > self.modulus // 2:
+            # Nothing came for so long that the counter may have gone round: the way since is not known.
+            self.resets += 1
+            self.pulses += step
+        elif abs(step) <= most:
             self.pulses += step
         else:
             self.resets += 1

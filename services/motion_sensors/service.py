@@ -8,13 +8,15 @@ from typing import assert_never
 
 from schemas.motion import ImuBlock, MotionWarning, TachoBlock, WarningKind
 from schemas.topics import IMU, MOTION_WARNING, TACHO
+from services.byte_source.rate_watch import RateWatch
 from services.motion_sensors.adis_frames import AdisFrames
-from services.motion_sensors.axle_watch import AxlePair, StuckWatch
+from services.motion_sensors.axle_watch import AxlePair, Recently, StuckWatch
 from services.motion_sensors.can_signals import CanImuSamples
 from services.motion_sensors.imu_blocks import ImuBlocks
 from services.motion_sensors.imu_sample import ImuFrames, ImuSample
 from services.motion_sensors.log_playback import blocks_of
 from services.motion_sensors.number_rows import ImuRows, NumberRows
+from services.motion_sensors.sample_rhythm import MOST_OFF
 from services.motion_sensors.sensor_stream import Chunk, Line, chunks, line_of
 from services.motion_sensors.settings import AxleInput, Config, ImuInput
 from services.motion_sensors.tacho_blocks import TachoBlocks
@@ -55,30 +57,37 @@ class MotionSensors:
         """Read the inertial sensor until the service is to stop."""
         decoder = _decoder(config)
         blocks = self._imu = ImuBlocks(config, self._config.block_s, decoder.counter_modulus)
+        rate, anew = _rate_watch(self._node, config), Recently()
         async for chunk in chunks(self._node, config.device, line, self._config.silence_s):
             arrived_s = self._node.clock.now_ns() / NS
             samples = _imu_samples(decoder, chunk)
+            now_s = self._node.clock.monotonic_s()
             for k, sample in enumerate(samples):
+                rate.heard(now_s)
                 # Samples of one chunk came one after the other; the last one came now.
                 before_s = (len(samples) - 1 - k) / config.rate_hz
                 block = blocks.take(sample, arrived_s - before_s)
                 if block is not None:
                     await self._node.publish(IMU, block, device=config.device)
                     blocks.compare(self._speed_mps())
-            restarts = f"the sensor began anew {blocks.times.restarts} times" if blocks.times.restarts else ""
-            await self._tell(config.device, {**blocks.warnings, "restart": restarts}, block_kinds=IMU_KINDS)
+            restarts = blocks.times.restarts
+            counted = f"the sensor began anew {restarts} times" if anew.grown(restarts, now_s) else ""
+            faults = {**blocks.warnings, "restart": counted, "rate": rate.fault(now_s)}
+            await self._tell(config.device, faults, block_kinds=IMU_KINDS)
             self._count(config.device, {**decoder.counts, "lost_samples": blocks.times.lost})
 
     async def follow_axle(self, config: AxleInput, line: Line) -> None:
         """Read a pulse counter until the service is to stop."""
         blocks = self._axles[config.device] = TachoBlocks(config, self._config.block_s, self._config.largest_speed_mps)
-        stuck, pair = StuckWatch(), AxlePair()
+        stuck, pair, rate, anew = StuckWatch(), AxlePair(), _rate_watch(self._node, config), Recently()
         rows = NumberRows(config.columns, [name for name in ("t_s", "pulses") if name in config.columns])
         first = self._config.axles[0].device
         async for chunk in chunks(self._node, config.device, line, self._config.silence_s):
             arrived_s = self._node.clock.now_ns() / NS
             readings = _readings(config, rows, chunk)
+            now_s = self._node.clock.monotonic_s()
             for k, (raw, device_s) in enumerate(readings):
+                rate.heard(now_s)
                 before_s = (len(readings) - 1 - k) / config.rate_hz
                 block = blocks.take(raw, arrived_s - before_s, device_s)
                 if block is not None:
@@ -87,7 +96,8 @@ class MotionSensors:
             resets = blocks.counter.resets
             faults = {
                 "stuck": stuck.fault(blocks.counter.pulses, shake, arrived_s),
-                "reset": f"the counter began anew {resets} times" if resets else "",
+                "reset": f"the counter began anew {resets} times" if anew.grown(resets, now_s) else "",
+                "rate": rate.fault(now_s),
                 "scale": pair.fault(self._axles[first].distance_m, blocks.distance_m)
                 if config.device != first and first in self._axles
                 else "",
@@ -120,8 +130,13 @@ class MotionSensors:
         self._node.health.counts.update({f"{device}_{name}": amount for name, amount in counts.items()})
 
 
-IMU_KINDS: tuple[WarningKind, ...] = ("saturated", "frozen", "gap", "late", "noise", "axes", "restart")
-AXLE_KINDS: tuple[WarningKind, ...] = ("stuck", "reset", "scale")
+IMU_KINDS: tuple[WarningKind, ...] = ("saturated", "frozen", "gap", "late", "noise", "axes", "restart", "rate")
+AXLE_KINDS: tuple[WarningKind, ...] = ("stuck", "reset", "scale", "rate")
+
+
+def _rate_watch(node: Node, config: ImuInput | AxleInput) -> RateWatch:
+    """Counts samples; beyond this tolerance their stamps would not follow the sensor any more."""
+    return RateWatch(config.rate_hz, node.clock.monotonic_s(), what="samples", tolerance=MOST_OFF)
 
 
 def _decoder(config: ImuInput) -> ImuFrames | CanImuSamples:

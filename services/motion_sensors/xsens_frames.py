@@ -19,6 +19,8 @@ _EXTENDED: Final = 0xFF
 _COUNTER, _TIME_FINE, _TEMPERATURE, _ACCELERATION, _RATE = 0x1020, 0x1060, 0x0810, 0x4020, 0x8020
 _KIND: Final = 0xFFF0
 _FORMATS: Final = {0: ("f", 4), 3: ("d", 8)}
+_LONGEST: Final = 2048
+"""Bytes of the longest message's content; what claims more is no start of one."""
 _TICK_S: Final = 1e-4
 
 
@@ -45,10 +47,10 @@ class XsensFrames:
             self.counts["skipped_bytes"] += start
             buffer = buffer[start:]
             head, length = _head(buffer)
-            if head < 0 or len(buffer) < head + length + 1:
+            if length <= _LONGEST and (head < 0 or len(buffer) < head + length + 1):
                 self._rest = buffer
                 break
-            if sum(buffer[1 : head + length + 1]) & 0xFF:
+            if length > _LONGEST or sum(buffer[1 : head + length + 1]) & 0xFF:
                 self.counts["checksum_errors"] += 1
                 buffer = buffer[1:]
                 continue

@@ -20,7 +20,7 @@ from services.motion_sensors.can_signals import CanImuLayout, CanSignal
 from services.motion_sensors.sensor_stream import Chunk
 from services.motion_sensors.service import SERVICE, MotionSensors
 from services.motion_sensors.settings import AxleInput, CanSource, Config, ImuInput
-from services.runtime.clock import ManualClock
+from services.runtime.clock import LoopTime, ManualClock
 from services.runtime.guest import guest
 from services.runtime.manual_loop import run_manual
 from services.runtime.memory_node import MemoryBus, MemoryNode
@@ -57,11 +57,26 @@ class ScriptedLine:
     def close(self) -> None: ...
 
 
-def play(config: Config, **lines: ScriptedLine) -> tuple[list[Message], MemoryNode]:
-    """What the sensors publish until every line has broken."""
+class PacedLine(ScriptedLine):
+    """Brings one line after another, each `every_s` after the one before, by its own time."""
+
+    def __init__(self, every_s: float, text: bytes) -> None:
+        super().__init__(*text.splitlines(keepends=True))
+        self._every_s, self._now_s = every_s, 0.0
+
+    def read(self) -> Chunk:
+        self._now_s += self._every_s
+        return super().read()
+
+    def time(self) -> float:
+        return self._now_s
+
+
+def play(config: Config, pace: LoopTime | None = None, **lines: ScriptedLine) -> tuple[list[Message], MemoryNode]:
+    """What the sensors publish until every line has broken, in the loop's time or at a pace of their own."""
 
     async def main() -> tuple[list[Message], MemoryNode]:
-        clock = ManualClock(asyncio.get_running_loop(), NOW_NS)
+        clock = ManualClock(pace or asyncio.get_running_loop(), NOW_NS)
         bus = MemoryBus()
         reader = MemoryNode(bus, READER, TRAIN, clock)
         arrivals = reader.arrivals(IMU, TACHO, MOTION_WARNING)
@@ -118,6 +133,16 @@ def test_a_frozen_axis_is_told_once_and_marked_in_every_message() -> None:
     assert [(one.device, one.kind, one.active) for one in warnings] == [("imu", "frozen", True)]
     assert any("gz the same" in one.fault for one in messages if isinstance(one, ImuBlock))
     assert any("gz the same" in reason for reason in node.health.level(0.0)[1])
+
+
+@pytest.mark.parametrize(("rate_hz", "kinds"), [(100.0, []), (200.0, ["rate"]), (50.0, ["rate"])])
+def test_a_sensor_of_another_rate_is_told(rate_hz: float, kinds: list[str]) -> None:
+    config = Config(imu=ImuInput(tcp=TCP, rate_hz=rate_hz))
+    line = PacedLine(0.01, imu_rows(800))
+    messages, node = play(config, line, imu=line)
+    warnings = [one for one in messages if isinstance(one, MotionWarning) and one.active]
+    assert [one.kind for one in warnings] == kinds
+    assert any("100 samples per second instead of" in reason for reason in node.health.level(0.0)[1]) == bool(kinds)
 
 
 def test_nonsense_on_the_line_publishes_nothing_and_is_counted() -> None:

@@ -70,6 +70,21 @@ def test_a_sample_whose_first_frame_was_lost_is_not_made_of_old_values() -> None
     assert samples.counts["incomplete_samples"] == 1
 
 
+def test_samples_whose_frames_are_lost_here_and_there_are_not_mixed() -> None:
+    whole = layout()
+    parts = msgspec.structs.replace(
+        whole,
+        gx_radps=msgspec.structs.replace(whole.gx_radps, frame_id=0x102),
+        gy_radps=msgspec.structs.replace(whole.gy_radps, frame_id=0x102),
+    )
+    samples = CanImuSamples(parts)
+    for frame_id, content in ((0x100, words(1, 1, 1)), (0x102, words(1, 1)), (0x100, words(2, 2, 2))):
+        assert samples.feed(frame_id, content) is None
+    # The rates of the second sample are those of the first one's frame.
+    assert samples.feed(0x101, words(2, 2, 2, 2)) is None
+    assert samples.counts["incomplete_samples"] == 2
+
+
 def test_a_short_frame_is_counted() -> None:
     samples = CanImuSamples(layout())
     assert samples.feed(0x100, b"\x01") is None

@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from services.motion_sensors.axle_watch import RECENT_S, Recently
 from services.motion_sensors.pulse_counter import PulseCounter
+from services.motion_sensors.sample_rhythm import WINDOW_S
 from services.motion_sensors.sample_times import DRIFT, SampleTimes
 
 
@@ -80,3 +82,50 @@ def test_stamps_never_go_back(arrivals: list[tuple[float, int | None, float | No
     times = SampleTimes(0.01, 0.1, counter_modulus=256)
     stamps = [times.stamp(*arrival) for arrival in arrivals]
     assert all(after > before for before, after in itertools.pairwise(stamps))
+
+
+def test_a_narrow_counter_that_may_have_wrapped_unseen_says_so() -> None:
+    counter = PulseCounter(modulus=1 << 16, largest_hz=4500.0)
+    counter.read(65_000, 0.0)
+    assert (counter.read(500, 5.0), counter.resets) == (1036, 0)
+    # In 10 s a fast train turns it by 45,000: 1,000 more may be 66,536 more.
+    assert (counter.read(1500, 15.0), counter.resets) == (2036, 1)
+
+
+@pytest.mark.parametrize("off", [-0.03, 0.01, 0.03])
+def test_a_sensor_that_is_not_as_fast_as_its_data_sheet_is_stamped_right(off: float) -> None:
+    times = SampleTimes(0.01, 0.0, counter_modulus=1 << 16)
+    true = [100.0 + 0.01 * (1.0 + off) * k for k in range(6000)]
+    # Every third sample comes 5 ms late.
+    stamps = [times.stamp(one + 0.005 * (k % 3), k, None) for k, one in enumerate(true)]
+    known = round(3.0 * WINDOW_S / 0.01)
+    assert stamps[known:] == pytest.approx(true[known:], abs=0.006)
+    assert (times.restarts, times.lost) == (0, 0)
+
+
+@pytest.mark.parametrize("own_clock", [False, True])
+@pytest.mark.parametrize("held_s", [0.0, 2.0])
+def test_samples_that_waited_for_seconds_keep_their_times(held_s: float, *, own_clock: bool) -> None:
+    """Between 20 s and 30 s everything is late: by 2 s, or all of it comes at once at the end."""
+    times = SampleTimes(0.01, 0.0, counter_modulus=0 if own_clock else 1 << 16)
+    true = [0.01 * k for k in range(6000)]
+    arrived, stamps = 0.0, []
+    for k, one in enumerate(true):
+        waiting = 20.0 < one < 28.0
+        arrived = max(arrived, (one + held_s if held_s else 28.0) if waiting else one)
+        stamps.append(times.stamp(arrived, None if own_clock else k, 700.0 + one if own_clock else None))
+    # The envelope rises by DRIFT while nothing comes in time.
+    assert stamps == pytest.approx(true, abs=10.0 * DRIFT)
+    assert times.restarts == 0
+
+
+def test_a_clock_that_is_none_is_passed_over() -> None:
+    times = SampleTimes(0.01, 0.0)
+    assert times.stamp(50.0, None, 1e300) == pytest.approx(50.0)
+    assert times.stamp(50.01, None, float("nan")) == pytest.approx(50.01)
+
+
+def test_what_began_anew_is_said_for_a_minute_and_again() -> None:
+    recently = Recently()
+    said = [recently.grown(count, time_s) for count, time_s in ((0, 0.0), (1, 5.0), (1, 5.0 + RECENT_S), (2, 99.0))]
+    assert said == [False, True, False, True]

@@ -138,6 +138,13 @@ def test_xsens_in_double_precision_and_with_an_extended_length() -> None:
     assert XsensFrames().feed(xsens(1, "d"))[0].values[2] == 9.8
 
 
+def test_xsens_does_not_wait_for_a_message_longer_than_any() -> None:
+    # A false start that claims 64 kB would swallow ten seconds of samples.
+    decoder = XsensFrames()
+    assert len(decoder.feed(b"\xfa\xff\x36\xff\xff\xff" + xsens(3))) == 3
+    assert decoder.counts["checksum_errors"] == 1
+
+
 def test_xsens_time_and_counter_are_kept() -> None:
     sample = XsensFrames().feed(xsens(3))[2]
     assert sample.counter == 2
@@ -146,8 +153,8 @@ def test_xsens_time_and_counter_are_kept() -> None:
 
 def test_rows_without_a_number_are_counted_and_left_out() -> None:
     decoder = NumberRows(("t_s", "pulses"), ("t_s", "pulses"))
-    assert decoder.feed(b"0.1,5\nhello\n0.2;7\n0.3 nan\n\n0.4,9") == [(0.1, 5.0), (0.2, 7.0)]
-    assert decoder.counts["skipped_bytes"] == len(b"hello") + len(b"0.3 nan")
+    assert decoder.feed(b"0.1,5\nhello\n0.2;7\n0.3 nan\n0.3,1e300\n\n0.4,9") == [(0.1, 5.0), (0.2, 7.0)]
+    assert decoder.counts["skipped_bytes"] == len(b"hello") + len(b"0.3 nan") + len(b"0.3,1e300")
 
 
 def test_a_missing_column_is_named() -> None:
