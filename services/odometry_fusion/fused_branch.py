@@ -1,6 +1,6 @@
 """Prediction and correction of one branch: the equations of the error-state filter.
 
-    V' = V + a dt,  a = ax - M ay - g sin TH          (Iwata et al., equation 2)
+    V' = V + a dt,  a = ax cos TH - M ay - az sin TH  (Iwata et al., equation 2, where az is gravity)
     TH' = TH + (-ωy + ωz φ + B + C ωz - M ωx) dt      (Iwata et al., equations 4 and 5)
     D' = D + V dt + a dt²/2,  W' = W + (V + U + L a) dt + a dt²/2
 
@@ -34,6 +34,8 @@ from services.odometry_fusion.fused_layout import (
 )
 from services.odometry_fusion.motion_log import Floats
 
+MOST_HEAVE_MPS2: Final = 3.0
+"""No train is accelerated more than this upwards or downwards for a tick."""
 CREEP_TIME_S: Final = 2.0
 """Correlation time of micro-slip."""
 ATTITUDE_WALK: Final = 1.4e-4
@@ -66,8 +68,24 @@ def begin_state(x: State, p: Covariance) -> None:
 
 @kernel
 def acceleration(x: State, tick: Record) -> float:
-    """Of the train along the track [m/s²]."""
-    return float(tick.ax_mps2 - x[M] * tick.ay_mps2 - GRAVITY_MPS2 * np.sin(x[TH]))
+    """Of the train, level [m/s²]: along the track but for the cosine of its gradient, of which nothing is left at 35 ‰.
+
+    Both axes count, not x and gravity alone (Iwata et al., equation 2, to which this comes where TH is small): over a
+    crest the train is accelerated downwards by v TH', and of that a sensor whose nose is down shows some on x.
+    """
+    return float(tick.ax_mps2 * np.cos(x[TH]) - x[M] * tick.ay_mps2 - vertical_force(tick) * np.sin(x[TH]))
+
+
+@kernel
+def steady_force(x: State, tick: Record) -> float:
+    """What x shows while the train keeps its speed [m/s²]."""
+    return float((x[M] * tick.ay_mps2 + vertical_force(tick) * np.sin(x[TH])) / np.cos(x[TH]))
+
+
+@kernel
+def vertical_force(tick: Record) -> float:
+    """Specific force on z [m/s²], never far from gravity whatever a broken axis shows."""
+    return float(min(max(tick.az_mps2, GRAVITY_MPS2 - MOST_HEAVE_MPS2), GRAVITY_MPS2 + MOST_HEAVE_MPS2))
 
 
 @kernel

@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 
 from services.numerics.kernel import kernel
-from services.odometry_fusion.fused_branch import ACCELERATION, CREEP, FORCE, RATE, WALK, correct, predict
+from services.odometry_fusion.fused_branch import ACCELERATION, CREEP, FORCE, RATE, WALK, correct, predict, steady_force
 from services.odometry_fusion.fused_gaps import bridge_gap, watch_gap
 from services.odometry_fusion.fused_hypotheses import TRY_TICKS, branch_out, prune, slip_share
-from services.odometry_fusion.fused_layout import GRAVITY_MPS2, SLIPPING, TH, B, Branches, D, M, Record, V, W
+from services.odometry_fusion.fused_layout import SLIPPING, TH, B, Branches, D, Record, V, W
 from services.odometry_fusion.fused_noise import force_noise, rate_noise, watch_creep, watch_walk
 from services.odometry_fusion.fused_origin import FIRST_SLIP_S, begin_again, begin_branches
 from services.odometry_fusion.fused_output import publish
@@ -132,7 +132,7 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
         noise[WALK] = own.walk
         noise[RATE] = BLIND_RATE_VAR if blind else rate_noise(own, now)
         if blind:
-            tick.ax_mps2 = GRAVITY_MPS2 * np.sin(x[TH]) + x[M] * tick.ay_mps2
+            tick.ax_mps2 = steady_force(x, tick)
             tick.gx_radps, tick.gy_radps, tick.gz_radps = now.roll_bias_radps, x[B], now.yaw_bias_radps
         predict(x, p, own.mode, PERIOD_S, tick, now, noise)
         if silent:

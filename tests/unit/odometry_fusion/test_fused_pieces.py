@@ -99,6 +99,21 @@ def test_pitch_rate_in_a_canted_curve_is_freed_from_the_yaw_rate() -> None:
     assert x[TH] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_crest_passed_at_even_speed_changes_no_speed_however_the_nose_is_mounted() -> None:
+    """The train turns by 1.2 °/s over the crest; of v times that the pitched x axis shows some, and z the rest."""
+    speed, mounted, rate = 20.0, -0.06, -0.02
+    x, p = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    x[V] = speed
+    for k in range(20):
+        x[TH] = mounted + rate * k * DT_S
+        heave = speed * rate
+        ax = heave * np.sin(mounted) + GRAVITY_MPS2 * np.sin(x[TH])
+        az = heave * np.cos(mounted) + GRAVITY_MPS2 * np.cos(x[TH])
+        predict(x, p, ADHERING, DT_S, tick_of(ax_mps2=ax, az_mps2=az, gy_radps=-rate)[0], np.zeros(1, NOW)[0], QUIET)
+    # Level speed is that along the track times the gradient's cosine: 0.04 rad here, a thousandth.
+    assert x[V] == pytest.approx(speed * np.cos(20 * DT_S * rate), rel=2e-4)
+
+
 def test_roll_follows_gravity_in_a_curve_whatever_the_speed() -> None:
     roll = 0.0
     for k in range(1, 600):
