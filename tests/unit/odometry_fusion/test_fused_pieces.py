@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from services.odometry_fusion.fused_bound import ETCS_M, ETCS_SHARE, allowed, doubted, own_up, provisional, settle
-from services.odometry_fusion.fused_branch import begin_state, correct, predict
+from services.odometry_fusion.fused_branch import (
+    MOST_HEAVE_MPS2,
+    acceleration,
+    begin_state,
+    correct,
+    predict,
+    steady_force,
+)
 from services.odometry_fusion.fused_hypotheses import (
     AGAINST_LOG,
     against_effort,
@@ -29,6 +36,7 @@ from services.odometry_fusion.fused_layout import (
     B,
     Branches,
     D,
+    M,
     U,
     V,
     W,
@@ -82,10 +90,26 @@ def test_variance_of_speed_grows_as_an_anchor_in_the_past_says() -> None:
 def test_motion_on_a_gradient_is_freed_from_gravity() -> None:
     x, p = np.zeros(SIZE), np.zeros((SIZE, SIZE))
     x[TH] = 0.03
-    run(x, p, 100, tick_of(ax_mps2=0.5 + GRAVITY_MPS2 * np.sin(0.03)), QUIET)
-    assert x[V] == pytest.approx(5.0)
-    assert x[D] == pytest.approx(25.0)
-    assert x[W] == pytest.approx(25.0)
+    ax, az = 0.5 + GRAVITY_MPS2 * np.sin(0.03), GRAVITY_MPS2 * np.cos(0.03)
+    run(x, p, 100, tick_of(ax_mps2=ax, az_mps2=az), QUIET)
+    level = np.cos(0.03)
+    assert x[V] == pytest.approx(5.0 * level)
+    assert x[D] == pytest.approx(25.0 * level)
+    assert x[W] == pytest.approx(25.0 * level)
+
+
+def test_a_dead_vertical_axis_is_no_free_fall() -> None:
+    x = np.zeros(SIZE)
+    x[TH] = 0.1
+    assert acceleration(x, tick_of()[0]) == pytest.approx(-(GRAVITY_MPS2 - MOST_HEAVE_MPS2) * np.sin(0.1))
+
+
+def test_a_steady_force_is_that_of_no_acceleration() -> None:
+    x = np.zeros(SIZE)
+    x[TH], x[M] = 0.05, 0.01
+    tick = tick_of(ay_mps2=0.4, az_mps2=10.0)
+    tick["ax_mps2"] = steady_force(x, tick[0])
+    assert acceleration(x, tick[0]) == pytest.approx(0.0, abs=1e-15)
 
 
 def test_pitch_rate_in_a_canted_curve_is_freed_from_the_yaw_rate() -> None:
