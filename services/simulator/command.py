@@ -141,19 +141,22 @@ def fault(
     Kinds and their magnitudes: docs/simulator.md. Examples: kirotei fault slide --seconds 6 --magnitude 4;
     kirotei fault radio_obstruction --at 2000:2500
     """
-    from typing import get_args
+    from typing import cast, get_args
 
     import msgspec
 
     from schemas.position import FaultKind, SimulatorFault
     from schemas.topic import Place, TopicError
     from services.runtime.catalogue import suggestion
+    from services.simulator.fault_sizes import size_fault
 
     kinds = get_args(FaultKind)
     if kind not in kinds:
         _refuse("fault", f"no fault {kind!r}{suggestion(kind, kinds)}; there are: {', '.join(kinds)}", 2)
     if off and (magnitude is not None or seconds is not None):
         _refuse("fault", "--magnitude and --seconds go with switching on", 2)
+    if wrong := size_fault(cast("FaultKind", kind), magnitude):
+        _refuse("fault", f"--magnitude: {wrong}", 2)
     if not kind.startswith("radio_") and (stretch is not None or radio or channel):
         _refuse("fault", "--at, --radio and --channel go with the faults of radios", 2)
     try:

@@ -129,8 +129,9 @@ class MotionSimulator:
         )  # fmt: skip
 
     def _leave_again(self) -> None:
-        """Turn back at the last stop: the rear end becomes the front end. Or dwell on."""
-        if not self._turns_back:
+        """Turn back at the last stop: the rear end becomes the front end. Or dwell on, as where no stop lies behind."""
+        behind_m = self._tables[0].length_m - float(self._state["way_m"][0]) + 2.0 * self.settings.vehicle.length_m
+        if not self._turns_back or not (self._tables[(self._trip + 1) % 2].stops_m > behind_m).any():
             self._state["dwell_s"] = 1e9
             return
         way_m, rim_m = float(self._state["way_m"][0]), float(self._state["wheel_way_m"][0])

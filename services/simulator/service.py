@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Annotated, Final
 
@@ -33,6 +34,7 @@ from schemas.track_circuit import ClearConfirmation
 from services.runtime.node import Node, Service
 from services.simulator.constellation import reference_time
 from services.simulator.fault_board import FaultBoard
+from services.simulator.fault_sizes import size_fault
 from services.simulator.radio_faults import Befalls
 from services.simulator.radio_lapse_file import RadioLapse
 from services.simulator.radio_scenario import RadioScenario
@@ -278,7 +280,10 @@ async def _publish_tick(node: Node, config: Config, tick: Tick, messages: TrainM
 async def _listen(node: Node, faults: FaultBoard, now_s: Callable[[], float]) -> None:
     """Switch faults as people ask for them."""
     async for fault in node.messages(SIMULATOR_FAULT):
-        if fault.active:
+        places = (fault.duration_s, fault.start_axis_m, fault.end_axis_m)
+        if size_fault(fault.kind, fault.magnitude) or not all(math.isfinite(one or 0.0) for one in places):
+            node.health.count("faults_refused")
+        elif fault.active:
             faults.switch(
                 fault.kind,
                 now_s=now_s(),

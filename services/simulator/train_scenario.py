@@ -12,6 +12,7 @@ from msgspec import Meta
 
 from schemas.line import Direction
 from schemas.position import FaultKind
+from services.simulator.fault_sizes import size_fault
 from services.simulator.motion_settings import (
     VEHICLES,
     Adhesion,
@@ -28,6 +29,7 @@ from services.simulator.radio_faults import Befalls
 from services.simulator.radio_settings import RadioSettings
 from services.simulator.random_track import TrackSettings
 from services.simulator.scenario import Name, Receiver, ScenarioError, Sky, require_finite
+from services.simulator.scenario_limits import beyond_limits
 from services.simulator.weather_along import WeatherSettings
 
 
@@ -77,6 +79,11 @@ class TimedFault(Befalls, frozen=True, kw_only=True):
     """None: until the end."""
     magnitude: float | None = None
     """None: a usual one (docs/simulator.md)."""
+
+    def __post_init__(self) -> None:
+        """Refuse a magnitude that no such fault has."""
+        if wrong := size_fault(self.kind, self.magnitude):
+            raise ValueError(wrong)
 
     @property
     def befalls(self) -> Befalls:
@@ -135,6 +142,9 @@ class TrainScenario(Part, frozen=True, kw_only=True):
         if self.adhesion.random_gap_s is not None and not sum(self.adhesion.weights.values()) > 0.0:
             msg = "adhesion.weights leave no kind of slip to draw"
             raise ValueError(msg)
+        if self.tacho.missing_teeth >= self.motion.vehicle.teeth:
+            msg = f"tacho.missing_teeth {self.tacho.missing_teeth}: the wheel has {self.motion.vehicle.teeth}"
+            raise ValueError(msg)
         for name, low, high in self._ranges():
             if not 0.0 <= low <= high:
                 msg = f"{name} ({low:g}, {high:g}) is no rising range"
@@ -180,4 +190,6 @@ def train_scenario_from_toml(text: str) -> TrainScenario:
     except msgspec.DecodeError as error:
         raise ScenarioError(str(error)) from error
     require_finite(msgspec.to_builtins(scenario), "$")
+    for wrong in beyond_limits(scenario):
+        raise ScenarioError(wrong)
     return scenario

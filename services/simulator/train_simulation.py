@@ -22,7 +22,8 @@ from services.simulator.radio_live import TrainRadio
 from services.simulator.radio_world import RadioLine, RadioWorld
 from services.simulator.random_track import TrackSettings, random_track
 from services.simulator.simulation import Instant, utc_ns
-from services.simulator.train_route import TrainRoute, route_of
+from services.simulator.track_table import TrackTable
+from services.simulator.train_route import RouteError, TrainRoute, route_of
 from services.simulator.train_scenario import TrainScenario
 from services.simulator.train_sensors import BLOCK, SensorBlock, TrainSensors
 from services.simulator.weather_along import WeatherAlong
@@ -57,6 +58,16 @@ class Tick:
     """Along the line, once a minute, where the train has a radio."""
 
 
+def _require_stop(track: TrackTable, start_m: float, length_m: float) -> None:
+    """Refuse a journey without a stop to go to."""
+    if not (track.stops_m > start_m + length_m).any():
+        msg = (
+            f"journey: no stop is more than the train's length of {length_m:g} m ahead of its start, which is "
+            f"{start_m:.0f} m along its way of {track.length_m:.0f} m: add a stop, or start elsewhere"
+        )
+        raise RouteError(msg)
+
+
 class TrainSimulation:
     """An endless sequence of ticks."""
 
@@ -84,6 +95,7 @@ class TrainSimulation:
             track, start_m = self.route.track, self.route.start_m
             wanted = [one.at_axis_m for one in scenario.adhesion.episodes if one.at_axis_m is not None]
             places = {axis_m: self.route.way_of(axis_m) for axis_m in wanted}
+        _require_stop(track, start_m, settings.vehicle.length_m)
         self.motion = MotionSimulator(
             track,
             settings,

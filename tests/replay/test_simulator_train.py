@@ -177,6 +177,19 @@ def test_sensor_faults_come_and_go(tmp_path: Path) -> None:
         assert len({int(m.pulses[-1]) for m in after if isinstance(m, TachoBlock)}) > 10
 
 
+def test_faults_beyond_all_sense_are_refused_and_the_train_runs_on(tmp_path: Path) -> None:
+    with manual_loop() as loop:
+        stage = Stage(loop, tmp_path, DRY)
+        loop.advance(2.0)
+        for magnitude in (1e300, -1.0, float("nan"), float("inf")):
+            stage.fault("imu_late", magnitude=magnitude)
+        stage.fault("slide", duration_s=float("inf"))
+        loop.advance(2.0)
+        assert stage.node.health.counts["faults_refused"] == 5
+        assert not any(reason.startswith("fault_") for reason in stage.node.health._reasons)
+        assert stage.truth()[-1].t_ns > START_NS + 3 * NS
+
+
 def test_gnss_can_be_lost_and_biases_added(tmp_path: Path) -> None:
     with manual_loop() as loop:
         stage = Stage(loop, tmp_path, GNSS + "[imu]\nnoise = 0.0\nvibration = 0.0\n")

@@ -48,6 +48,8 @@ def test_a_train_s_simulation_is_summed_up(tmp_path: Path) -> None:
         (("simulate", "demo_line", "--out", __file__), "no folder"),
         (("fault", "slid"), "no fault 'slid', did you mean slide?"),
         (("fault", "slide", "--off", "--seconds", "3"), "go with switching on"),
+        (("fault", "imu_late", "--magnitude", "1e300"), "0 to 60 s is wanted"),
+        (("fault", "slide", "--magnitude", "nan"), "0 to 50 m/s is wanted"),
         (("fault", "slide", "--train", "T 1"), "cannot stand in a key"),
     ],
 )
@@ -64,6 +66,14 @@ def test_a_journey_that_cannot_be_is_named_with_its_file(tmp_path: Path) -> None
     assert code == 2
     assert "far.toml: journey.stops: no station 'atlantis'" in text.replace("\n", "")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_journey_without_a_stop_ahead_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "short.toml"
+    path.write_text('name="short"\nline="demo"\n[journey]\nstops=["matsuo"]\n', "utf-8")
+    code, text = run("simulate", str(path), "--out", str(tmp_path / "run"))
+    assert (code, (tmp_path / "run").exists()) == (2, False)
+    assert "no stop is more than the train's length" in text.replace("\n", " ")
 
 
 def test_trains_of_a_fleet_share_the_first_one_s_router() -> None:
