@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from schemas.line import LandmarkDatabase
     from services.landmark_matching.line_landmarks import LineLandmarks
     from services.landmark_matching.run_matching import RunMatches, Start
-    from services.landmark_matching.survey import SurveyedLandmark
+    from services.landmark_matching.survey_merge import Surveyed, SurveyedLandmark
 
 app = typer.Typer(
     name="landmarks",
@@ -223,28 +223,69 @@ def survey(
     Example: kirotei landmarks survey run1 run2 run3 --line demo --out landmarks.json
     """
     from services.landmark_matching.landmarks_file import write_landmarks
-    from services.landmark_matching.log_run_file import read_run
-    from services.landmark_matching.run_matching import match_run
-    from services.landmark_matching.survey import SURVEY, database_of, merge, survey_run
+    from services.landmark_matching.survey import database_of
+    from services.landmark_matching.survey_merge import merge
 
     with told("landmarks survey"):
+        names = _run_names(logs)
         starts = _starts(len(logs), start_axis, direction, branch, start_bound, sensor_behind_front)
         known = _known(line, None, starts)
-        surveyed = []
-        for log, start in zip(logs, starts, strict=True):
-            run = read_run(log, _method(method))
-            _report_issues(run.name, run.issues)
-            surveyed += survey_run(run.name, match_run(run.readings, known, start, SURVEY, run.share))
-        found = merge(surveyed)
+        runs = list(zip(names, logs, starts, strict=True))
+        found = merge([one for run in runs for one in _surveyed(*run, known, _method(method))])
         if not found:
             msg = "no curve of the line was recognised in these runs"
             raise ValueError(msg)
         database = database_of(found, known)
         write_landmarks(out, database)
-    typer.echo(_survey_json(database, found) if as_json else _survey_words(out, database, found))
+    missing = sorted(
+        {one.id for ones in known.landmarks.values() for one in ones} - {one.id for one in database.landmarks}
+    )
+    typer.echo(_survey_json(database, found, missing) if as_json else _survey_words(out, database, found, missing))
 
 
-def _survey_json(database: LandmarkDatabase, found: list[SurveyedLandmark]) -> str:
+def _run_names(logs: list[Path]) -> list[str]:
+    """The folders' names, with as many of those above them as it takes to tell them apart. Raises UsageError."""
+    places = [log.resolve() for log in logs]
+    twice = [log for number, log in enumerate(logs) if places[number] in places[:number]]
+    if twice:
+        msg = f"{twice[0]}: given twice; a run that counts twice makes the landmarks look better than they are"
+        raise UsageError(msg)
+    depth = 1
+    while len({place.parts[-depth:] for place in places}) < len(places):
+        depth += 1
+    return ["/".join(place.parts[-depth:]) for place in places]
+
+
+def _surveyed(
+    name: str, log: Path, start: Start | None, known: LineLandmarks, method: Literal["paper", "fused"]
+) -> list[Surveyed]:
+    """The curves of one run; of one that is nowhere on the line none, which is said."""
+    from services.landmark_matching.log_run_file import read_run
+    from services.landmark_matching.run_matching import PlaceError, match_run
+    from services.landmark_matching.survey import SURVEY, survey_run
+
+    run = read_run(log, method)
+    _report_issues(name, run.issues)
+    try:
+        found = survey_run(name, match_run(run.readings, known, start, SURVEY, run.share))
+    except PlaceError as error:
+        typer.echo(f"{name} left out: {error}", err=True)
+        return []
+    if not found:
+        typer.echo(f"{name} left out: no curve of the line was recognised in it", err=True)
+    return found
+
+
+def _left_out(found: list[SurveyedLandmark]) -> dict[str, list[str]]:
+    """By run: landmarks at which the other runs agree against it."""
+    told: dict[str, list[str]] = {}
+    for one in found:
+        for passage in one.left_out:
+            told.setdefault(passage.run, []).append(one.landmark.id)
+    return told
+
+
+def _survey_json(database: LandmarkDatabase, found: list[SurveyedLandmark], missing: list[str]) -> str:
     rows = [
         {
             "landmark": one.landmark.id,
@@ -257,10 +298,11 @@ def _survey_json(database: LandmarkDatabase, found: list[SurveyedLandmark]) -> s
         }
         for one in found
     ]
-    return json.dumps({"version": database.version, "landmarks": rows}, indent=1)
+    told = {"version": database.version, "landmarks": rows, "not_surveyed": missing, "left_out": _left_out(found)}
+    return json.dumps(told, indent=1)
 
 
-def _survey_words(out: Path, database: LandmarkDatabase, found: list[SurveyedLandmark]) -> str:
+def _survey_words(out: Path, database: LandmarkDatabase, found: list[SurveyedLandmark], missing: list[str]) -> str:
     lines = [f"{out}: {len(found)} landmarks from {len(database.evidence)} runs, version {database.version}"]
     lines.append(
         f"{'landmark':<20}{'exit [m]':>12}{'radius':>9}{'runs':>6}{'spread':>8}{'accuracy':>10}{'geometry':>10}"
@@ -272,4 +314,8 @@ def _survey_words(out: Path, database: LandmarkDatabase, found: list[SurveyedLan
             f"{row.id:<20}{row.exit_lower_limit_m:>12.1f}{row.radius_m:>9.1f}{row.runs:>6}{spread:>8}"
             f"{row.accuracy_m:>10.2f}{one.moved_m:>+10.2f}"
         )
+    for run, at in _left_out(found).items():
+        lines.append(f"{run} left out where the other runs agree against it: {', '.join(at)}")
+    if missing:
+        lines.append(f"not recognised in any run, so not in the database: {', '.join(missing)}")
     return "\n".join(lines)

@@ -79,7 +79,8 @@ class CurveTracker:
         self._failed: Verdict | None = None
         self._passed = False
         self._disturbed = ""
-        self._seen = False
+        self._approached = False
+        """Whether the place held was ever before the landmark: a train first placed beyond it did not miss it."""
 
     def step(self, sample: Sample, record: TrackRecord, anchor: Anchor, held: Held) -> Diagnosed | None:
         """Take the newest sample, which `record` already holds; what the diagnoses say when they are done.
@@ -95,7 +96,7 @@ class CurveTracker:
         if place_m + ahead_m + slack_m < self._first_m:
             self._forget()
             return None
-        self._seen = self._seen or place_m - behind_m <= self._last_m
+        self._approached = self._approached or place_m < self._first_m
         found = self._follow(sample, record, anchor)
         if found is not None and found.verdict.kind == "accepted":
             self._passed = True
@@ -109,10 +110,10 @@ class CurveTracker:
 
     def _give_up(self, sample: Sample, place_m: float) -> Diagnosed | None:
         """The landmark lies behind for certain: tell why it was not recognised."""
-        failed, seen, disturbed = self._failed, self._seen, self._disturbed
+        failed, approached, disturbed = self._failed, self._approached, self._disturbed
         self.reset()
         self._passed = True
-        if not seen:
+        if failed is None and not approached:
             return None
         if failed is None or (failed.kind == "start point" and disturbed):
             kind = disturbed or "no curve"

@@ -36,7 +36,6 @@ Kind = Literal[
     "gnss",
     "twin",
     "moved",
-    "branch",
     "no curve",
 ]
 DISTURBANCES: tuple[Kind, ...] = ("slip", "reverse running", "gap", "low speed", "leap", "no curvature")

@@ -7,7 +7,7 @@ from typing import Final
 
 import msgspec
 
-from schemas.line import LandmarkDatabase
+from schemas.line import Landmark, LandmarkDatabase
 from services.landmark_matching.curve_shape import ShapeError, shape_of_landmark
 
 LARGEST_BYTES: Final = 64_000_000
@@ -22,11 +22,10 @@ def read_landmarks(path: Path) -> LandmarkDatabase:
     if path.stat().st_size > LARGEST_BYTES:
         msg = f"{path}: larger than {LARGEST_BYTES // 1_000_000} MB"
         raise LandmarksFileError(msg)
-    try:
-        database = msgspec.json.decode(path.read_bytes(), type=LandmarkDatabase)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        msg = f"{path}: {error}"
-        raise LandmarksFileError(msg) from error
+    database = _decoded(path)
+    if not database.landmarks:
+        msg = f"{path}: it holds no landmarks"
+        raise LandmarksFileError(msg)
     seen: set[str] = set()
     for number, landmark in enumerate(database.landmarks):
         try:
@@ -38,6 +37,21 @@ def read_landmarks(path: Path) -> LandmarkDatabase:
             msg = f"{path}: $.landmarks[{number}]: id {landmark.id!r} occurs twice"
             raise LandmarksFileError(msg)
         seen.add(landmark.id)
+    return database
+
+
+def _decoded(path: Path) -> LandmarkDatabase:
+    """Raises LandmarksFileError, also for fields that there are none of: a tolerance misspelt would be the default."""
+    try:
+        given = msgspec.json.decode(path.read_bytes())
+        database = msgspec.convert(given, LandmarkDatabase)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        msg = f"{path}: {error}"
+        raise LandmarksFileError(msg) from error
+    for number, row in enumerate(given["landmarks"]):
+        for name in row.keys() - set(Landmark.__struct_fields__):
+            msg = f"{path}: $.landmarks[{number}]: landmarks have no field {name!r}"
+            raise LandmarksFileError(msg)
     return database
 
 

@@ -66,6 +66,7 @@ def line_landmarks(line: Line, database: LandmarkDatabase | None = None) -> Line
         if landmark.branch not in alignments:
             msg = f"landmark {landmark.id}: the line has no branch {landmark.branch!r}"
             raise DatabaseError(msg)
+        _require_on_line(landmark, alignments[landmark.branch].length_m)
     return LineLandmarks(
         line=line.id,
         line_version=line.version,
@@ -83,6 +84,14 @@ def _require_same(line: Line, database: LandmarkDatabase) -> None:
         raise DatabaseError(msg)
     if database.line_version != line.version:
         msg = f"the landmarks were made for version {database.line_version!r} of the line, it has {line.version!r}"
+        raise DatabaseError(msg)
+
+
+def _require_on_line(landmark: Landmark, length_m: float) -> None:
+    last_m = max(landmark.entry_lower_limit_m, landmark.exit_lower_limit_m)
+    if last_m > length_m:
+        msg = f"landmark {landmark.id}: its curve at {last_m:g} m is beyond the line's end at {length_m:.0f} m; places"
+        msg += " are axis_m, true metres, not kilometrage"
         raise DatabaseError(msg)
 
 

@@ -1,58 +1,29 @@
-"""Builds a landmark database from runs: every curve fitted in every run, laid onto the line, merged over the runs."""
+"""Builds a landmark database from runs: every curve fitted in every run and laid onto the line."""
 
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import msgspec
 import numpy as np
 
-from schemas.line import Landmark, LandmarkDatabase
+from schemas.line import LandmarkDatabase
 from services.landmark_matching.curve_fit import CurveFit, fit_curve
-from services.landmark_matching.curve_shape import CurveShape, direction_sign
+from services.landmark_matching.curve_shape import CurveShape
 from services.landmark_matching.line_landmarks import LineLandmarks
 from services.landmark_matching.matcher import Match
 from services.landmark_matching.passage import Passage
 from services.landmark_matching.run_matching import RunMatches
 from services.landmark_matching.settings import MatchSettings
 from services.landmark_matching.survey_alignment import align
+from services.landmark_matching.survey_merge import Surveyed, SurveyedLandmark
 
 SURVEY: Final = MatchSettings(scale_tolerance=0.35, length_cap_share=0.5, length_floor_m=20.0, shape_tolerance=0.3)
 """With which curves are looked for: the line's geometry may be rough."""
 LARGEST_RESIDUAL: Final = 0.06
 """A curve that no arc with two transitions explains better than this (rms, as a share of its curvature) is none."""
-FEW_RUNS_SPREAD_M: Final = 1.5
-"""Spread that is assumed where fewer than three runs show one."""
-SYSTEMATIC_M: Final = 0.7
-"""What all runs may share: sensor delay, transitions that are no clothoids."""
-STRAIGHT_M: Final = 20.0
-
-
-@dataclass(frozen=True, slots=True)
-class Surveyed:
-    """One curve in one run, on the line; places rise in the direction of running."""
-
-    landmark: Landmark
-    run: str
-    shape: CurveShape
-    sigma_m: float
-    """Of the place, by the alignment."""
-    residual_share: float
-    speed_mps: float
-
-
-@dataclass(frozen=True, slots=True)
-class SurveyedLandmark:
-    """A landmark and what it was made of."""
-
-    landmark: Landmark
-    passages: tuple[Surveyed, ...]
-    moved_m: float
-    """Exit crossing by the runs minus by the line's geometry, in the direction of running."""
 
 
 def survey_run(name: str, matches: RunMatches) -> list[Surveyed]:
@@ -114,53 +85,6 @@ def _laid_down(name: str, group: Sequence[tuple[Match, CurveFit]]) -> list[Surve
         share = fit.residual_per_m / abs(fit.shape.curvature_per_m)
         laid.append(Surveyed(match.landmark, name, shape, sigma, share, passage.exit_speed_mps))
     return laid
-
-
-def merge(surveyed: Sequence[Surveyed]) -> list[SurveyedLandmark]:
-    """One landmark per curve and direction, in the order of their ids."""
-    groups: dict[str, list[Surveyed]] = {}
-    for one in surveyed:
-        groups.setdefault(one.landmark.id, []).append(one)
-    return [_merged(groups[name]) for name in sorted(groups)]
-
-
-def exit_crossing(shape: CurveShape, lower_share: float) -> float:
-    """Where the curvature itself, not its average, falls below the lower limit."""
-    return shape.end_m - lower_share * (shape.end_m - shape.arc_end_m)
-
-
-def _merged(group: Sequence[Surveyed]) -> SurveyedLandmark:
-    given = group[0].landmark
-    share = given.lower_share
-    exits = np.array([exit_crossing(one.shape, share) for one in group])
-    entries = np.array([one.shape.start_m + share * (one.shape.arc_start_m - one.shape.start_m) for one in group])
-    starts, ends = np.array([one.shape.start_m for one in group]), np.array([one.shape.end_m for one in group])
-    spread_m = float(np.std(exits, ddof=1)) if len(group) > 1 else None
-    scatter_m = spread_m if spread_m is not None and len(group) >= 3 else FEW_RUNS_SPREAD_M  # noqa: PLR2004 - see there
-    aligned_m = float(np.mean([one.sigma_m for one in group]))
-    accuracy_m = SYSTEMATIC_M + 3.0 * math.hypot(scatter_m / math.sqrt(len(group)), aligned_m)
-    sign = direction_sign(given.direction)
-    curvature = float(np.mean([one.shape.curvature_per_m for one in group]))
-
-    def place(u_m: float) -> float:
-        return max(round(sign * u_m, 2), 0.0)
-
-    start, end = float(np.mean(starts)), float(np.mean(ends))
-    landmark = msgspec.structs.replace(
-        given,
-        hand="left" if curvature > 0.0 else "right",
-        radius_m=round(1.0 / abs(curvature), 1),
-        entry_straight_start_m=place(start - STRAIGHT_M),
-        entry_straight_end_m=place(start),
-        entry_lower_limit_m=place(float(np.mean(entries))),
-        exit_lower_limit_m=place(float(np.mean(exits))),
-        exit_straight_start_m=place(end),
-        exit_straight_end_m=place(end + STRAIGHT_M),
-        accuracy_m=round(accuracy_m, 2),
-        runs=len(group),
-        spread_m=None if spread_m is None else round(spread_m, 2),
-    )
-    return SurveyedLandmark(landmark, tuple(group), float(np.mean(exits)) - sign * given.exit_lower_limit_m)
 
 
 def database_of(found: Sequence[SurveyedLandmark], known: LineLandmarks) -> LandmarkDatabase:

@@ -85,8 +85,9 @@ def test_health_tells_of_another_version_of_the_line() -> None:
 def test_a_database_of_another_version_is_refused_in_health(tmp_path: Path) -> None:
     path = tmp_path / "landmarks.json"
     known = demo_landmarks()
+    one = known.landmarks[""][:1]
     write_landmarks(
-        path, LandmarkDatabase(version="v", line=known.line, line_version="2025-9", origin="", landmarks=())
+        path, LandmarkDatabase(version="v", line=known.line, line_version="2025-9", origin="", landmarks=one)
     )
     (reason,) = reasons_with(Config(landmarks_file=str(path)), line_version=None)
     assert reason.startswith("landmarks refused: ")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import duckdb
@@ -89,6 +90,29 @@ def test_a_survey_makes_a_database_that_the_run_matches(run: tuple[Path, MotionL
     assert [row["landmark"] for row in rows_of(matches) if row["accepted"] == "1"] == [
         one["id"] for one in database["landmarks"]
     ]
+
+
+def test_a_run_that_is_nowhere_on_the_line_is_left_out_by_name(run: tuple[Path, MotionLog], tmp_path: Path) -> None:
+    folder, _ = run
+    lost = tmp_path / "elsewhere" / "run1"
+    shutil.copytree(folder, lost)
+    # a wheel twice as large: no place of the line fits
+    toml = lost / "motion.toml"
+    toml.write_text(toml.read_text("utf-8").replace("wheel_diameter_m = 0", "wheel_diameter_m = 1"), "utf-8")
+    out = tmp_path / "landmarks.json"
+    result = RUNNER.invoke(app, ["survey", str(folder), str(lost), "--line", "demo", "--out", str(out), "--json"])
+    assert result.exit_code == 0, result.output
+    assert "elsewhere/run1 left out: the curvature does not tell where the run is" in result.stderr
+    assert "C29-up" in json.loads(result.stdout)["not_surveyed"]
+    assert json.loads(out.read_text("utf-8"))["evidence"] == [f"{folder.parent.name}/run1"]
+
+
+def test_a_run_given_twice_is_refused(run: tuple[Path, MotionLog], tmp_path: Path) -> None:
+    folder, _ = run
+    again = folder.parent / "." / folder.name
+    result = RUNNER.invoke(app, ["survey", str(folder), str(again), "--line", "demo", "--out", str(tmp_path / "x")])
+    assert result.exit_code == 2
+    assert "given twice" in result.output
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from benchmarks.landmark_passes import STEP_S, Pass, anchor_at, landmark_like, readings_of
 from services.landmark_matching.anchor import Anchor
-from services.landmark_matching.curve_shape import shape_of_landmark
+from services.landmark_matching.curve_shape import CurveShape, shape_of_landmark
 from services.landmark_matching.matcher import Match, Matcher
 
 LANDMARK = landmark_like(radius_m=400.0, arc_m=120.0, transition_m=50.0, hand="right")
@@ -74,6 +75,64 @@ def test_a_gap_of_the_sensors_in_the_curve_refuses() -> None:
     kept = [reading for reading, keep in zip(readings, inside, strict=True) if keep]
     (match,) = [match for reading in kept for match in matcher.step(reading, anchor())]
     assert match.kind == "gap"
+
+
+def bend(start_m: float, end_m: float, radius_m: float = 1500.0) -> CurveShape:
+    """Another bend to the same hand; by itself far below the lower limit."""
+    return CurveShape(start_m, start_m + 10.0, end_m - 10.0, end_m, SHAPE.curvature_per_m * 400.0 / radius_m)
+
+
+QUIET = replace(RUN, noise_radps=0.0)
+ARC_M = 0.5 * (SHAPE.arc_start_m + SHAPE.arc_end_m)
+REFUSED = {
+    "entry straight": replace(QUIET, curves=[SHAPE, bend(RUN.start_m - 200.0, SHAPE.start_m + 10.0)]),
+    "upper limit": replace(QUIET, curves=[SHAPE, bend(SHAPE.arc_start_m, SHAPE.arc_end_m, 1200.0)]),
+    "lower limit": replace(QUIET, yaw_scale=0.79, bias_radps=-1.2e-3),
+    "curvature": replace(QUIET, yaw_scale=1.208),
+    "exit straight": replace(QUIET, curves=[SHAPE, bend(SHAPE.end_m - 10.0, RUN.end_m + 200.0)]),
+    "shape": replace(
+        QUIET, curves=[SHAPE, bend(SHAPE.arc_start_m, ARC_M, 2300.0), bend(ARC_M, SHAPE.arc_end_m, -2300.0)]
+    ),
+}
+"""By what the diagnosis is for that finds it; what the refusal list has is there."""
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_each_diagnosis_refuses_what_it_is_for(kind: str) -> None:
+    (match,) = matched(anchor(), REFUSED[kind])
+    assert match.kind == kind, match.reason
+    assert match.reason.startswith(f"{kind}: ")
+
+
+def test_a_correction_that_the_margin_does_not_explain_is_refused() -> None:
+    # the entry may lie half a window (15 m) and the landmark's accuracy (3 m) off, the exit is known better
+    held = anchor_at(RUN.start_m, error_m=15.0, margin_m=0.0)
+    (match,) = matched(replace(held, share=0.0), QUIET)
+    assert match.kind == "window", match.reason
+
+
+def test_running_back_within_the_curve_is_refused() -> None:
+    matcher = Matcher({"": [LANDMARK]}, {})
+    readings, true_m = readings_of(RUN)
+    back = [
+        reading._replace(speed_mps=-1.0) if ARC_M < place < ARC_M + 10.0 else reading
+        for reading, place in zip(readings, true_m, strict=True)
+    ]
+    (match,) = [match for reading in back for match in matcher.step(reading, anchor())]
+    assert match.kind == "reverse running"
+
+
+def test_a_sensor_without_curvature_is_told() -> None:
+    matcher = Matcher({"": [LANDMARK]}, {})
+    blind = [reading._replace(curvature_per_m=math.nan) for reading in readings_of(RUN)[0]]
+    (match,) = [match for reading in blind for match in matcher.step(reading, anchor())]
+    assert match.kind == "no curvature"
+
+
+def test_landmarks_behind_the_place_first_held_are_not_missed() -> None:
+    run = replace(RUN, curves=[], start_m=SHAPE.end_m + 60.0, end_m=SHAPE.end_m + 400.0)
+    found_beyond = anchor_at(run.start_m, error_m=0.0, margin_m=200.0)
+    assert matched(found_beyond, run) == []
 
 
 def test_another_branch_s_landmarks_are_not_looked_for() -> None:

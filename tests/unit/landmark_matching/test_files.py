@@ -31,6 +31,8 @@ def test_a_database_comes_back_as_it_was_written(tmp_path: Path) -> None:
         ({"landmarks": [{"id": "C1"}]}, r"direction.*\$\.landmarks\[0\]"),
         ({"landmarks": ["twice"]}, "id 'C1' occurs twice"),
         ({"landmarks": ["backwards"]}, r"\$\.landmarks\[0\]: landmark C1: its places are not in the order"),
+        ({"landmarks": ["misspelt"]}, r"\$\.landmarks\[0\]: landmarks have no field 'acuracy_m'"),
+        ({"landmarks": []}, "it holds no landmarks"),
         ({"line_version": 3}, "Expected `str`"),
     ],
 )
@@ -40,15 +42,18 @@ def test_a_bad_database_is_refused_by_place(tmp_path: Path, change: dict[str, ob
         change = {"landmarks": [row, row]}
     if change.get("landmarks") == ["backwards"]:
         change = {"landmarks": [row | {"direction": "down"}]}
+    if change.get("landmarks") == ["misspelt"]:
+        change = {"landmarks": [row | {"acuracy_m": 30.0}]}
     path = tmp_path / "landmarks.json"
     path.write_bytes(msgspec.json.encode(msgspec.to_builtins(DATABASE) | change))
     with pytest.raises(LandmarksFileError, match=words):
         read_landmarks(path)
 
 
-def test_bytes_that_are_no_json_are_refused_by_name(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", [b"\xff\x00{", b'{"origin":' + b"[" * 100_000])
+def test_bytes_that_are_no_json_are_refused_by_name(tmp_path: Path, text: bytes) -> None:
     path = tmp_path / "landmarks.json"
-    path.write_bytes(b"\xff\x00{")
+    path.write_bytes(text)
     with pytest.raises(LandmarksFileError, match=r"landmarks\.json"):
         read_landmarks(path)
 

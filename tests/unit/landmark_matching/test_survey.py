@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import msgspec
@@ -9,12 +10,13 @@ import numpy as np
 import pytest
 
 from services.landmark_matching.curve_fit import fit_curve
-from services.landmark_matching.curve_shape import CurveShape, mean_curvature
+from services.landmark_matching.curve_shape import CurveShape, mean_curvature, shape_of_landmark
 from services.landmark_matching.line_landmarks import DatabaseError, line_landmarks
 from services.landmark_matching.run_matching import match_run
 from services.landmark_matching.settings import MatchSettings
-from services.landmark_matching.survey import SURVEY, SurveyedLandmark, database_of, merge, survey_run
+from services.landmark_matching.survey import SURVEY, database_of, survey_run
 from services.landmark_matching.survey_alignment import align
+from services.landmark_matching.survey_merge import Surveyed, SurveyedLandmark, merge
 from tests.unit.landmark_matching.demo_runs import demo_landmarks, demo_line, demo_run, true_axis
 
 
@@ -71,6 +73,38 @@ def test_surveyed_places_are_the_line_s_within_the_accuracy_stated() -> None:
         assert row.spread_m is not None
 
 
+def passage(run: str, *, exit_m: float = 0.0, radius: float = 1.0) -> Surveyed:
+    """Of one landmark; its places are those of the line but for a shift and another radius."""
+    landmark = demo_landmarks().landmarks[""][0]
+    shape = shape_of_landmark(landmark)
+    places = (shape.start_m, shape.arc_start_m, shape.arc_end_m, shape.end_m)
+    start, arc_start, arc_end, end = (place + exit_m for place in places)
+    moved = CurveShape(start, arc_start, arc_end, end, shape.curvature_per_m / radius)
+    return Surveyed(landmark, run, moved, 0.5, 0.02, 15.0)
+
+
+@pytest.mark.parametrize("bad", [passage("bad", exit_m=9.0), passage("bad", radius=0.9)])
+def test_one_bad_run_among_good_ones_is_left_out(bad: Surveyed) -> None:
+    good = [passage("a", exit_m=-0.4), passage("b", exit_m=0.4), passage("c")]
+    (merged,) = merge([good[0], bad, *good[1:]])
+    assert [one.run for one in merged.left_out] == ["bad"]
+    assert merged.landmark == merge(good)[0].landmark
+    assert merged.landmark.runs == 3
+
+
+def test_of_two_runs_that_disagree_neither_is_left_out_and_the_accuracy_says_so() -> None:
+    (merged,) = merge([passage("a", exit_m=-6.0), passage("b", exit_m=6.0)])
+    assert merged.left_out == ()
+    assert merged.landmark.accuracy_m >= 6.0  # either may be right
+
+
+def test_few_runs_that_agree_by_chance_do_not_promise_more_than_crossings_spread() -> None:
+    accuracy = [merge([passage(f"{k}") for k in range(count)])[0].landmark.accuracy_m for count in (1, 3, 30)]
+    # 0.7 m + 3 sqrt(s²/n + 0.5²) with s² = 2 · 1.5² / (n + 1), the runs' own spread being none
+    stated = [0.7 + 3.0 * math.sqrt(4.5 / (count + 1) / count + 0.25) for count in (1, 3, 30)]
+    assert accuracy == pytest.approx(stated, abs=0.006)  # the file has centimetres
+
+
 def test_the_database_names_its_evidence_and_is_the_same_each_time() -> None:
     database = database_of(surveyed(), demo_landmarks())
     assert database.evidence == ("run0", "run1", "run2")
@@ -85,6 +119,14 @@ def test_a_surveyed_database_matches_a_further_run() -> None:
     found = match_run(readings, known, None, MatchSettings(), 0.02)
     assert all(match.accepted for match in found.matches)
     assert all(abs(match.axis_m - true_axis(match.t_s, axis_m)) <= match.bound_m for match in found.matches)
+
+
+def test_a_landmark_beyond_the_line_s_end_is_refused() -> None:
+    row = demo_landmarks().landmarks[""][0]
+    far = msgspec.structs.replace(row, exit_lower_limit_m=9e8, exit_straight_start_m=1e9, exit_straight_end_m=2e9)
+    database = msgspec.structs.replace(database_of(surveyed()[:1], demo_landmarks()), landmarks=(far,))
+    with pytest.raises(DatabaseError, match="beyond the line's end"):
+        line_landmarks(demo_line(), database)
 
 
 @pytest.mark.parametrize(("field", "words"), [("line_version", "version '2025-9'"), ("line", "line '2025-9'")])
