@@ -66,13 +66,6 @@ class Judgement(NamedTuple):
     flagged: bool = False
     substitute: Substitute | None = None
     """Where the satellite's observables may be substituted."""
-    adjusting_s: float = 0.0
-    """How long it has been substituted by now."""
-
-    @property
-    def substitute_m(self) -> float | None:
-        """Pseudorange that was to be expected, where one may be substituted."""
-        return self.substitute.pseudorange_m if self.substitute else None
 
 
 class _Track:
@@ -220,9 +213,8 @@ class MultipathDetector:
             return Judgement(len(window), change_m, threshold_m)
         if track.adjusting_from_s is None:
             track.adjusting_from_s = track.t_s
-        adjusting_s = t_s - track.adjusting_from_s
         substitute = None
-        if adjusting_s <= config.longest_adjusting_s:
+        if t_s - track.adjusting_from_s <= config.longest_adjusting_s:
             mean_signed_mps = sum(window) / len(window)
             doppler_mps = track.mean_doppler_mps(mean_signed_mps)
             substitute = Substitute(
@@ -230,4 +222,4 @@ class MultipathDetector:
                 doppler_mps,
                 track.carrier_m + jump_m + doppler_mps * interval_s,
             )
-        return Judgement(len(window), change_m, threshold_m, True, substitute, adjusting_s)  # noqa: FBT003 - in the order of the fields
+        return Judgement(len(window), change_m, threshold_m, True, substitute)  # noqa: FBT003 - in the order of the fields

@@ -216,11 +216,6 @@ class EvidenceGatherer:
         self._known = np.full((CODES, _KNOWN), np.nan)
         self._level_dbhz = np.array([ZENITH_DBHZ])
 
-    @property
-    def zenith_dbhz(self) -> float:
-        """C/N0 of a clear satellite overhead, as learned so far."""
-        return float(self._level_dbhz[0])
-
     def gather(
         self,
         first_row: Ints,

@@ -19,7 +19,6 @@ WORDS: Final = 10
 _DATA_BITS, _PARITY_BITS = 24, 6
 _PARITY_MASKS: Final = (0x2EC7CD2, 0x1763E69, 0x2BB1F34, 0x15D8F9A, 0x1AEC7CD, 0x22DEA27)
 """Bits of (last two bits of the word before, 24 data bits) that make each parity bit (table 20-XIV)."""
-_HEAD_BITS: Final = 48
 _FIRST_WORD: Final = 24
 _TOW_S: Final = 6
 _IONOSPHERE_PAGE: Final = 56

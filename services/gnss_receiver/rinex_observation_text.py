@@ -19,7 +19,6 @@ from services.gnss_receiver.rinex_signals import QUANTITIES
 _GPS_EPOCH = datetime(1980, 1, 6)  # noqa: DTZ001 - GPS time has no zone
 _TICKS = 10_000_000
 _TYPES_PER_LINE = 13
-_SHIFTS_AT = 60
 _ABSENT = " " * 16
 
 

@@ -44,7 +44,6 @@ _MOSCOW_S: Final = MOSCOW_MS // 1000
 _DAY_S: Final = DAY_MS // 1000
 _UNHEALTHY_6: Final = 63
 _UNHEALTHY_QZSS: Final = 62
-_LONG_FIT_HOURS: Final = 6.0
 _GPS_FIT_HALF_S: Final = 7200.0
 
 _ELEMENTS: Final = ("crs", "delta_n", "m0", "cuc", "e", "cus", "sqrt_a", "toe", "cic", "omega0", "cis", "i0", "crc")

@@ -1,4 +1,4 @@
-"""A channel simulator: what is sent passes a filter made of a frequency response, on another clock, into noise."""
+"""A channel simulator: what is sent passes a filter made of a frequency response."""
 
 from __future__ import annotations
 
@@ -7,15 +7,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from services.numerics.kernel import kernel
 from services.track_circuit.rail import Rail, transfer
 
 Response = Callable[[NDArray[np.float64]], NDArray[np.complex128]]
 LOWEST_HZ = 50.0
 """Below it responses are taken as there: tuned units are not made for direct current."""
-REACH = 24
-"""Samples to either side of an interpolated one: images and ripple below -80 dB up to 0.4 of the rate."""
-KAISER = 9.0
 FEWEST_TAPS = 64
 
 
@@ -81,31 +77,3 @@ def _convolved(source: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArra
 def filtered(samples: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
     """All samples through a filter that does not change, as many as went in."""
     return FirFilter(taps).pass_on(np.asarray(samples, np.float64))
-
-
-@kernel
-def _interpolate(
-    samples: NDArray[np.float64], ratio: float, window: NDArray[np.float64], found: NDArray[np.float64]
-) -> None:
-    """found[n] = sum_i x[i] sinc(t - i) w(t - i) at t = n ratio."""
-    reach = (len(window) - 1) // 512
-    for n in range(len(found)):
-        t = n * ratio
-        middle = int(np.floor(t))
-        total = 0.0
-        for i in range(max(middle - reach + 1, 0), min(middle + reach + 1, len(samples))):
-            distance = t - i
-            weight = window[int(np.abs(distance) * 512.0 + 0.5)]
-            angle = np.pi * distance
-            total += samples[i] * weight * (1.0 if angle == 0.0 else np.sin(angle) / angle)
-        found[n] = total
-
-
-def clocked(samples: NDArray[np.float64], parts_per_million: float) -> NDArray[np.float64]:
-    """The same signal from a sender whose clock is fast by so much: chips and carrier alike, as by Doppler."""
-    ratio = 1.0 + parts_per_million * 1e-6
-    distance = np.arange(REACH * 512 + 1) / (REACH * 512)
-    window = np.i0(KAISER * np.sqrt(1.0 - distance**2)) / np.i0(KAISER)
-    found = np.empty(int((len(samples) - 1) / ratio) + 1)
-    _interpolate(np.ascontiguousarray(samples, np.float64), ratio, window, found)
-    return found

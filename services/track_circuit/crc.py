@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 REFLECTED: Final = 0x82F63B78
 """The generator with its lowest power in the highest bit, for bytes sent lowest bit first."""
 WIDTH: Final = 32
-HAMMING_DISTANCE: Final = 6
-"""Up to 5243 bits of data."""
 
 
 def _table() -> tuple[int, ...]:

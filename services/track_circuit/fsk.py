@@ -50,7 +50,6 @@ class Coded:
     carrier_hz: float | None = None
     code_hz: float | None = None
     """By the table where it is known, as measured where not."""
-    measured_hz: float | None = None
     level_db: float = -200.0
     """Of the whole signal, relative to a full-scale sine's 0 dB - 3 dB = -3 dB."""
     margin_db: float | None = None
@@ -180,7 +179,6 @@ def _judged(best: _Fit, noise: float, margin_db: float, level_db: float, nominal
         state,
         carrier_hz=round(float(carrier_hz), 2),
         code_hz=told_hz,
-        measured_hz=measured,
         level_db=level_db,
         margin_db=margin_db,
         reason=reason,

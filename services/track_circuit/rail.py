@@ -46,12 +46,6 @@ def propagation(rail: Rail, hz: ArrayLike, ballast_s_per_km: ArrayLike) -> tuple
     return np.asarray(np.sqrt(series * shunt), np.complex128), np.asarray(np.sqrt(series / shunt), np.complex128)
 
 
-def attenuation_db_per_km(rail: Rail, hz: float, ballast_s_per_km: float) -> float:
-    """Attenuation of a long, matched line."""
-    gamma, _ = propagation(rail, hz, ballast_s_per_km)
-    return float(20.0 / np.log(10.0) * gamma.real)
-
-
 def _through_line(
     voltage: Complexes, current: Complexes, gamma: Complexes, wave_ohm: Complexes, km: ArrayLike
 ) -> tuple[Complexes, Complexes]:
@@ -105,19 +99,6 @@ def transfer(
         place = second
     voltage, current = _through_line(voltage, current, gamma, wave_ohm, place)
     return np.asarray(_tuned(rail, hz) / (voltage + rail.sending_ohm * current), np.complex128)
-
-
-def axle_current(
-    rail: Rail, hz: ArrayLike, axle_km: ArrayLike, ballast_s_per_km: ArrayLike, shunt_ohm: float = 0.06
-) -> Complexes:
-    """Current [A per volt of the source] into the leading axle, which coils before it pick up on board.
-
-    The axle is `axle_km` from the sending end; what lies beyond it hardly matters and is left out.
-    """
-    gamma, wave_ohm = propagation(rail, hz, ballast_s_per_km)
-    current = np.ones_like(gamma)
-    voltage, near = _through_line(current * max(shunt_ohm, 1e-6), current, gamma, wave_ohm, axle_km)
-    return np.asarray(_tuned(rail, hz) / (voltage + rail.sending_ohm * near), np.complex128)
 
 
 def level_db(response: ArrayLike) -> NDArray[np.float64]:

@@ -27,8 +27,3 @@ def code(length: int, row: int) -> NDArray[np.float64]:
     [1.0, -1.0, 1.0, -1.0]
     """
     return np.array(hadamard(length)[row - 1], np.float64)
-
-
-def sequency(row: NDArray[np.float64]) -> int:
-    """Changes of sign within a code."""
-    return int(np.count_nonzero(np.diff(row)))

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from services.track_circuit.circuit_samples import Recording, SampleError, Stretch
 
 PCM: Final = 1
-FLOAT: Final = 3
 EXTENSIBLE: Final = 0xFFFE
 HEADER: Final = struct.Struct("<HHIIHH")
 

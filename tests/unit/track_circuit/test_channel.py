@@ -1,11 +1,11 @@
-"""The channel simulator: filters that follow their response, blocks that join, clocks that run off, noise as asked."""
+"""The channel simulator: filters that follow their response, blocks that join, noise as asked."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from services.track_circuit.channel import FirFilter, clocked, filtered, fir_of, rail_fir
+from services.track_circuit.channel import FirFilter, filtered, fir_of, rail_fir
 from services.track_circuit.rail import Rail, transfer
 from services.track_circuit.traction_noise import InverterLine, TractionNoise, TractionSettings
 
@@ -39,14 +39,6 @@ def test_a_new_filter_fades_in_within_a_block() -> None:
     assert faded[0] == pytest.approx(1.02)
     assert faded[-1] == pytest.approx(3.0)
     np.testing.assert_allclose(one.pass_on(np.ones(10)), 3.0)
-
-
-def test_a_fast_clock_moves_the_carrier() -> None:
-    tone = np.cos(2.0 * np.pi * 12_000.0 * np.arange(20_000) / RATE_HZ)
-    moved = clocked(tone, 50.0)
-    wanted = np.cos(2.0 * np.pi * 12_000.0 * (1.0 + 50e-6) * np.arange(len(moved)) / RATE_HZ)
-    # The interpolation's error, away from the ends, stays below -80 dB.
-    assert np.abs(moved - wanted)[100:-100].max() < 1e-4
 
 
 def test_too_few_taps_are_refused() -> None:

@@ -7,10 +7,9 @@ import pytest
 
 from services.track_circuit.rail import (
     Rail,
-    attenuation_db_per_km,
-    axle_current,
     ballast_estimate,
     level_db,
+    propagation,
     transfer,
 )
 
@@ -19,8 +18,9 @@ RAIL = Rail()
 
 @pytest.mark.parametrize(("ballast", "db_per_km"), [(0.01, 6.0), (0.1, 19.2), (0.5, 43.0)])
 def test_attenuation_is_that_of_real_track(ballast: float, db_per_km: float) -> None:
+    per_km, _ = propagation(RAIL, 12_000.0, ballast)
     # The figures are rounded, and their inductance to one place: 3 %.
-    assert attenuation_db_per_km(RAIL, 12_000.0, ballast) == pytest.approx(db_per_km, rel=0.03)
+    assert 20.0 / np.log(10.0) * per_km.real == pytest.approx(db_per_km, rel=0.03)
 
 
 def test_dry_to_wet_and_a_poor_shunt_move_the_level_as_known() -> None:
@@ -67,11 +67,6 @@ def test_tuned_units_put_the_band_edges_down() -> None:
     assert middle == pytest.approx(0.0, abs=1e-9)
     assert lower == pytest.approx(-20.0 * np.log10(1.0 + 1.8**2), abs=1e-6)
     assert upper == pytest.approx(-20.0 * np.log10(1.0 + (4.0 * (1.2 - 1.0 / 1.2)) ** 2), abs=1e-6)
-
-
-def test_current_into_the_axle_grows_as_it_nears_the_sender() -> None:
-    current = np.abs(axle_current(RAIL, 12_000.0, np.array([0.05, 0.5, 1.0]), 0.1))
-    assert (np.diff(current) < 0.0).all()
 
 
 def test_leakage_is_read_off_the_level() -> None:
