@@ -64,15 +64,8 @@ def _fault_of(one: SatelliteCorrection) -> str:
     return ""
 
 
-def correction_set(message: Corrections) -> CorrectionSet:
-    """Columns of a message. Absurd corrections are refused; ValueError where place or time make no sense."""
-    place = (message.lat_deg, message.lon_deg, message.h_m)
-    if not all(math.isfinite(figure) for figure in (*place, message.tow_s)):
-        msg = "the station's place or time is no number"
-        raise ValueError(msg)
-    if not (abs(message.lat_deg) <= 90.0 and abs(message.h_m) < 10_000.0):  # noqa: PLR2004 - degrees of latitude, and no mountain is higher
-        msg = f"the station is at no place on the ground: {message.lat_deg:g}°, height {message.h_m:g} m"
-        raise ValueError(msg)
+def _kept_and_refused(message: Corrections) -> tuple[dict[int, SatelliteCorrection], dict[int, str]]:
+    """Corrections by satellite, and why there is none, by satellite."""
     refused = {satellite_code(one.satellite): f"the station says: {one.reason}" for one in message.refused}
     kept: dict[int, SatelliteCorrection] = {}
     for one in message.satellites:
@@ -83,6 +76,19 @@ def correction_set(message: Corrections) -> CorrectionSet:
             kept.pop(code, None)
         else:
             kept[code] = one
+    return kept, refused
+
+
+def correction_set(message: Corrections) -> CorrectionSet:
+    """Columns of a message. Absurd corrections are refused; ValueError where place or time make no sense."""
+    place = (message.lat_deg, message.lon_deg, message.h_m)
+    if not all(math.isfinite(figure) for figure in (*place, message.tow_s)):
+        msg = "the station's place or time is no number"
+        raise ValueError(msg)
+    if not (abs(message.lat_deg) <= 90.0 and abs(message.h_m) < 10_000.0):  # noqa: PLR2004 - degrees of latitude, and no mountain is higher
+        msg = f"the station is at no place on the ground: {message.lat_deg:g}°, height {message.h_m:g} m"
+        raise ValueError(msg)
+    kept, refused = _kept_and_refused(message)
     given = list(kept.values())
     codes = np.array(list(kept), np.int64)
     index = np.full(CODES, -1, np.int64)

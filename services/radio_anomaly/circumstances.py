@@ -29,10 +29,7 @@ class Scene:
         reception = views.get(("reception", radio, channel))
         ratio = normal = None
         if reception is not None and changes["reception"] is not None:
-            rows = reception.over(*stretch) if stretch[1] else slice(0, len(reception.values))
-            now = float(reception.values[rows].mean())
-            ratio = plain("reception", now)
-            normal = plain("reception", now - float(reception.residuals.residual[rows].mean()))
+            ratio, normal = _received_and_normal(reception, stretch)
         share, sections = self._shares.of(radio, sign)
         other_share, other_radios = self._shares.others(radio, sign)
         learned = self._ranges.get(radio, set())
@@ -92,3 +89,10 @@ class Scene:
         heard = range(rows.start, rows.stop)
         worst = min(heard, key=lambda row: lost.get(int(view.residuals.sections[row]), 0.0))
         return float(view.values[worst]) - known
+
+
+def _received_and_normal(reception: View, stretch: tuple[int, int]) -> tuple[float, float]:
+    """Received ratio over a stretch now, and as it was learned."""
+    rows = reception.over(*stretch) if stretch[1] else slice(0, len(reception.values))
+    now = float(reception.values[rows].mean())
+    return plain("reception", now), plain("reception", now - float(reception.residuals.residual[rows].mean()))

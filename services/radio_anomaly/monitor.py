@@ -62,6 +62,17 @@ class Judgement(msgspec.Struct, frozen=True, kw_only=True):
         }
 
 
+class _Found:
+    """What has been found on a pass so far."""
+
+    def __init__(self) -> None:
+        self.views: dict[Stream, View] = {}
+        self.sums: dict[Stream, list[WindowSum]] = {}
+        self.points: dict[Stream, dict[tuple[int, int], Point]] = {}
+        self.findings: list[Finding] = []
+        self.trends: list[Trend] = []
+
+
 class Monitor:
     """What was learned, what is remembered of the last passes, and the events that are open."""
 
@@ -153,11 +164,7 @@ class Monitor:
 
     def judge(self, journey: Journey) -> Judgement:
         """What is off its mean, missing or drifting on this pass."""
-        views: dict[Stream, View] = {}
-        sums: dict[Stream, list[WindowSum]] = {}
-        points: dict[Stream, dict[tuple[int, int], Point]] = {}
-        findings: list[Finding] = []
-        trends: list[Trend] = []
+        found = _Found()
         learning: list[RadioChannel] = []
         for key, bins in by_stream(journey).items():
             if key not in self.streams or self.streams[key].passes < self.settings.least_passes:
@@ -165,45 +172,41 @@ class Monitor:
                 continue
             for quantity in FOLLOWED:
                 view = self.view(key, quantity, bins, journey)
-                if view is None:
-                    continue
-                stream = (quantity, *key)
-                views[stream] = view
-                followed = view.tests
-                if self._tested(stream, views):
-                    peeled = peel(
-                        stream,
-                        view.residuals,
-                        view.tests,
-                        self.windows,
-                        self.settings,
-                        self.correlation,
-                        site=not journey.direction,
-                    )
-                    sums[stream] = peeled.sums
-                    findings += peeled.findings
-                    followed = peeled.rest
-                if quantity == "decoded" and stream not in sums:
-                    continue
-                points[stream] = trend_points(view.tests, followed, journey.first_ns, self.settings)
-                trends += [
-                    trend
-                    for window, point in points[stream].items()
-                    if (trend := self._trend(stream, window, point)) is not None
-                    and (not window[1] or agrees(view.residuals, window, trend.level))
-                ]
+                if view is not None:
+                    self._look_at((quantity, *key), view, journey, found)
         return Judgement(
-            views=views,
-            findings=tuple(findings),
+            views=found.views,
+            findings=tuple(found.findings),
             silences=tuple(
                 one for one in self.presence.missing(journey, self.settings) if not self._silence_accepted(journey, one)
             ),
-            trends=tuple(trend for trend in trends if drifts(trend, self.settings)),
-            held=tuple(trend for trend in trends if held_back(trend, self.settings)),
-            sums=sums,
-            points=points,
+            trends=tuple(trend for trend in found.trends if drifts(trend, self.settings)),
+            held=tuple(trend for trend in found.trends if held_back(trend, self.settings)),
+            sums=found.sums,
+            points=found.points,
             learning=tuple(learning),
         )
+
+    def _look_at(self, stream: Stream, view: View, journey: Journey, found: _Found) -> None:
+        """Windows that are off their mean, and those that drift, of one quantity."""
+        found.views[stream] = view
+        followed = view.tests
+        if self._tested(stream, found.views):
+            site = not journey.direction
+            peeled = peel(stream, view.residuals, view.tests, self.windows, self.settings, self.correlation, site=site)
+            found.sums[stream] = peeled.sums
+            found.findings += peeled.findings
+            followed = peeled.rest
+        elif stream[0] == "decoded":
+            return
+        points = trend_points(view.tests, followed, journey.first_ns, self.settings)
+        found.points[stream] = points
+        found.trends += [
+            trend
+            for window, point in points.items()
+            if (trend := self._trend(stream, window, point)) is not None
+            and (not window[1] or agrees(view.residuals, window, trend.level))
+        ]
 
     def _silence_accepted(self, journey: Journey, silence: Silence) -> bool:
         """Whether a new normal was accepted there and nothing has been heard since."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container
-from typing import Literal
+from collections.abc import Container, Iterable
+from typing import Literal, NamedTuple
 
 from schemas.radio import RadioSection
 from services.radio_anomaly.monitor import Judgement, by_stream
-from services.radio_anomaly.passes import Journey, plain
+from services.radio_anomaly.passes import Bin, Journey, plain
 from services.radio_anomaly.settings import Settings
+from services.radio_anomaly.stream_state import View
 
 State = Literal["learning", "normal", "above", "below", "missing", "trend"]
 
@@ -23,13 +24,8 @@ def section_messages(
         quantity = "power" if any(b.quantity == "power" for b in bins) else "decoded"
         view = judgement.views.get((quantity, radio, channel))
         ratios = {b.section: plain("reception", b.value) for b in bins if b.quantity == "reception"}
-        rows = {} if view is None else {int(s): k for k, s in enumerate(view.residuals.sections)}
-        heard: dict[int, list[float]] = {}
-        for b in bins:
-            if b.quantity == quantity:
-                entry = heard.setdefault(b.section, [0.0, 0.0])
-                entry[0] += b.count
-                entry[1] += b.count * b.value
+        normal = {} if view is None else _normal_by_section(view, settings.k)
+        heard = _mean_by_section(bins, quantity)
         silent = {
             one.start + k
             for one in judgement.silences
@@ -39,15 +35,7 @@ def section_messages(
         for section in sorted(heard.keys() | silent):
             if (radio, channel, section) in shown:
                 continue
-            mean = lower = upper = None
-            passes = 0
-            if view is not None and section in rows:
-                k = rows[section]
-                residuals = view.residuals
-                mean = float(view.values[k] - residuals.residual[k])
-                width = settings.k * math.sqrt(residuals.mean_variance[k] + residuals.variance[k])
-                lower, upper, passes = mean - width, mean + width, int(residuals.passes[k])
-            here = heard.get(section)
+            here = normal.get(section, _UNKNOWN)
             found.append(
                 RadioSection(
                     t_ns=journey.last_ns,
@@ -57,16 +45,50 @@ def section_messages(
                     section_start_m=section * settings.section_m,
                     section_end_m=(section + 1) * settings.section_m,
                     state=_state(judgement, radio, channel, section),
-                    value_dbm=None if here is None else here[1] / here[0],
-                    lower_dbm=lower,
-                    mean_dbm=mean,
-                    upper_dbm=upper,
+                    value_dbm=heard.get(section),
+                    lower_dbm=here.lower_dbm,
+                    mean_dbm=here.mean_dbm,
+                    upper_dbm=here.upper_dbm,
                     received_ratio=ratios.get(section),
-                    passes=passes,
+                    passes=here.passes,
                     pass_id=journey.pass_id,
                 )
             )
     return found
+
+
+class _Normal(NamedTuple):
+    """What is normal in a section, and from how many passes that is known."""
+
+    lower_dbm: float | None
+    mean_dbm: float | None
+    upper_dbm: float | None
+    passes: int
+
+
+_UNKNOWN = _Normal(None, None, None, 0)
+
+
+def _normal_by_section(view: View, k: float) -> dict[int, _Normal]:
+    """Mean of what was learned, and `k` standard deviations of a pass to either side."""
+    residuals = view.residuals
+    found = {}
+    for row, section in enumerate(residuals.sections):
+        mean = float(view.values[row] - residuals.residual[row])
+        width = k * math.sqrt(residuals.mean_variance[row] + residuals.variance[row])
+        found[int(section)] = _Normal(mean - width, mean, mean + width, int(residuals.passes[row]))
+    return found
+
+
+def _mean_by_section(bins: Iterable[Bin], quantity: str) -> dict[int, float]:
+    """Mean of a quantity over what was heard in each section."""
+    sums: dict[int, list[float]] = {}
+    for b in bins:
+        if b.quantity == quantity:
+            entry = sums.setdefault(b.section, [0.0, 0.0])
+            entry[0] += b.count
+            entry[1] += b.count * b.value
+    return {section: total / count for section, (count, total) in sums.items()}
 
 
 def _state(judgement: Judgement, radio: str, channel: str, section: int) -> State:

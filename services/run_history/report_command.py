@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 import typer
 
 if TYPE_CHECKING:
-    from services.run_history.run_report import Evidence
+    from services.run_history.run_report import Evidence, RunReport
     from services.run_history.run_rows import RunRow
     from services.run_history.trace_store import TraceStore
     from services.run_history.vehicle import Vehicle
@@ -81,18 +81,17 @@ def report(
         found = report_of(rows, wishes, evidence, salt, notes)
         note = write_report(out, found, lang)
         tables = write_tables(out, found)
+    _tell(found, out, tables, [*found.notes, *([note] if note else [])], as_json=as_json)
+
+
+def _tell(found: RunReport, out: Path, tables: Sequence[Path], notes: list[str], *, as_json: bool) -> None:
+    """Say what was written, and what was noticed."""
     if as_json:
-        summary = {
-            "runs": found.runs,
-            "legs": found.legs,
-            "counted": found.counted,
-            "out": str(out),
-            "tables": [str(path) for path in tables],
-            "notes": [*found.notes, *([note] if note else [])],
-        }
-        typer.echo(json.dumps(summary, ensure_ascii=False))
+        counts = {"runs": found.runs, "legs": found.legs, "counted": found.counted}
+        written = {"out": str(out), "tables": [str(path) for path in tables], "notes": notes}
+        typer.echo(json.dumps(counts | written, ensure_ascii=False))
         return
-    for text in (*found.notes, *([note] if note else [])):
+    for text in notes:
         typer.echo(f"note: {text}", err=True)
     typer.echo(f"{found.runs} runs, {found.legs} legs, {found.counted} counted, into {out} and {len(tables)} tables")
 

@@ -101,6 +101,20 @@ class _Run:
     """Of the acceleration."""
 
 
+def _observed_ends(
+    run: _Run, leg: Leg, assumed: Ends, speed_mps: Floats, onward_m: Floats
+) -> tuple[Ends, float, float]:
+    """Ends as the speeds tell them; how far the train had moved [m] at its start, and how long [s] nobody saw it."""
+    t_s, measured_mps = run.track.t_s, run.found.measured_mps
+    derived = bool(np.isfinite(measured_mps[leg.first - 1 : leg.last + 2]).mean() <= ENOUGH_SPEEDS)
+    told_mps = speed_mps if derived else measured_mps
+    start = start_of(leg, t_s, told_mps, onward_m, derived=derived)
+    halt = halt_of(leg, t_s, told_mps, onward_m, derived=derived)
+    sudden_m = 0.0 if start is None else sudden_move_m(t_s, onward_m, measured_mps, start)
+    blind_s = max((abs(one.still_s - float(t_s[one.first])) for one in (start, halt) if one), default=0.0)
+    return ends_by_slope(assumed, start, halt), sudden_m, blind_s
+
+
 def _leg_run(run: _Run, leg: Leg, way: Alignment, vehicle: Vehicle) -> LegRun:
     found, track = run.found, run.track
     measured_mps, zero_s = found.measured_mps, found.zero_s
@@ -121,13 +135,7 @@ def _leg_run(run: _Run, leg: Leg, way: Alignment, vehicle: Vehicle) -> LegRun:
     ends = assumed_ends(leg, track.t_s, speed, vehicle.acceleration_mps2, vehicle.deceleration_mps2)
     sudden_m = blind_s = 0.0
     if run.average_mps is None:
-        derived = bool(np.isfinite(measured_mps[part]).mean() <= ENOUGH_SPEEDS)
-        told_mps = speed if derived else measured_mps
-        start = start_of(leg, track.t_s, told_mps, onward_m, derived=derived)
-        halt = halt_of(leg, track.t_s, told_mps, onward_m, derived=derived)
-        ends = ends_by_slope(ends, start, halt)
-        sudden_m = 0.0 if start is None else sudden_move_m(track.t_s, onward_m, measured_mps, start)
-        blind_s = max((abs(one.still_s - float(track.t_s[one.first])) for one in (start, halt) if one), default=0.0)
+        ends, sudden_m, blind_s = _observed_ends(run, leg, ends, speed, onward_m)
     evidence = LegEvidence(t, onward_m[part], measured_mps[part], speed[part])
     quality, reason = judged(evidence, ends, sudden_m, blind_s)
     if ends.arrival_s - ends.departure_s < least_time_s(way, leg.start.way_m, leg.end.way_m, vehicle.max_speed_mps):
