@@ -33,7 +33,8 @@ LONG_KM: Final = 9.0
 MOST_ROWS: Final = 12
 PER_KM: Final = 1000.0
 LARGEST_GAP_S: Final = 2.0
-"""Points further apart are not joined."""
+LARGEST_GAP_M: Final = 200.0
+"""Points further apart are not joined, nor those of two directions."""
 OFF_M: Final = 30.0
 """A curve of the line that no landmark stands within this of, at its begin or end, is no landmark."""
 MEASURED, DATABASE, ACCEPTED, REFUSED = "#1f4e9c", "#b9b9b9", "#1a7f37", "#c62828"
@@ -193,15 +194,20 @@ def _draw_corrections(axes: Axes, matches: Sequence[Match]) -> None:
 
 
 def _joined(points: Sequence[TracePoint]) -> tuple[list[float], list[float]]:
-    """Places and curvatures with a break wherever points are too far apart in time."""
+    """Places and curvatures with a break wherever one point does not follow from the one before."""
     x: list[float] = []
     y: list[float] = []
     before = None
     for point in points:
-        if before is not None and point.t_s - before > LARGEST_GAP_S:
+        if before is not None and not _follows(before, point):
             x.append(float("nan"))
             y.append(float("nan"))
         x.append(point.axis_m / PER_KM)
         y.append(PER_KM * point.curvature_per_m)
-        before = point.t_s
+        before = point
     return x, y
+
+
+def _follows(before: TracePoint, point: TracePoint) -> bool:
+    near = abs(point.axis_m - before.axis_m) <= LARGEST_GAP_M and point.t_s - before.t_s <= LARGEST_GAP_S
+    return near and point.direction == before.direction

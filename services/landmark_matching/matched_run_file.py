@@ -9,7 +9,7 @@ import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
+from typing import Final, get_args
 
 import numpy as np
 
@@ -24,6 +24,14 @@ from services.landmark_matching.run_matching import RunMatches, TracePoint
 from services.landmark_matching.run_readings import samples_of
 from services.landmark_matching.settings import MatchSettings
 
+LARGEST_SHARE: Final = 0.05
+SLIPS_M: Final = 100.0
+"""Way between two landmarks by odometry and by the line differ by no more, or the train was elsewhere in between."""
+FARTHEST_M: Final = 2_000.0
+TURN_M: Final = 500.0
+"""So far from an accepted landmark a place is told: before the first and behind the last one, and where the next one
+does not fit."""
+
 
 class MatchesError(ValueError):
     """A file that is no matches.csv of these landmarks: path, line, what is wrong."""
@@ -36,7 +44,8 @@ class MatchesError(ValueError):
 def read_matched_run(log: Path, path: Path, landmarks: Sequence[Landmark], behind_front_m: float) -> RunMatches:
     """Matches of a file, and the log's curvature about the places that they give it; its truth is never read.
 
-    Between two accepted landmarks the odometry is stretched to fit both. Raises MatchesError, MotionLogError, OSError.
+    Between two accepted landmarks the odometry is stretched to fit both. Where they do not fit it (the train has turned
+    back) only what is near one of them is placed. Raises MatchesError, MotionLogError, OSError.
     """
     rows = _rows(path, landmarks)
     run = read_run(log, "fused")
@@ -59,8 +68,8 @@ def read_matched_run(log: Path, path: Path, landmarks: Sequence[Landmark], behin
     anchors = sorted((one for one in matches if one.accepted), key=lambda one: one.t_s)
     if not anchors:
         raise MatchesError(path, 0, "no accepted landmark: nothing says where the run is")
-    trace = tuple(_placed(sample, anchors) for sample in samples_of(run.readings, MatchSettings()))
-    return RunMatches(tuple(matches), (), (), trace)
+    placed = (_placed(sample, anchors) for sample in samples_of(run.readings, MatchSettings()))
+    return RunMatches(tuple(matches), (), (), tuple(one for one in placed if one is not None))
 
 
 def _kind_of(reason: str) -> str:
@@ -68,17 +77,25 @@ def _kind_of(reason: str) -> str:
     return max((kind for kind in get_args(Kind) if reason.startswith(kind)), key=len, default=reason)
 
 
-def _placed(sample: Sample, anchors: Sequence[Match]) -> TracePoint:
-    """The sample between the accepted landmarks before and after it; stretched if both are of one direction."""
+def _placed(sample: Sample, anchors: Sequence[Match]) -> TracePoint | None:
+    """The sample between the accepted landmarks before and after it; None where they do not tell its place."""
     after = next((k for k, one in enumerate(anchors) if one.t_s >= sample.t_s), len(anchors))
     last, following = anchors[max(after - 1, 0)], anchors[min(after, len(anchors) - 1)]
     sign = direction_sign(last.landmark.direction)
-    axis_m = last.axis_m + sign * (sample.distance_m - last.distance_m)
     way_m = following.distance_m - last.distance_m
-    if way_m > 0.0 and following.landmark.direction == last.landmark.direction:
-        gap_m = following.axis_m - last.axis_m - sign * way_m
-        axis_m += gap_m * (sample.distance_m - last.distance_m) / way_m
-    return TracePoint(sample.t_s, last.landmark.branch, last.landmark.direction, axis_m, sample.curvature_per_m)
+    gap_m = following.axis_m - last.axis_m - sign * way_m
+    agree = following.landmark.direction == last.landmark.direction and abs(gap_m) <= LARGEST_SHARE * way_m + SLIPS_M
+    nearest = min(last, following, key=lambda one: abs(sample.distance_m - one.distance_m))
+    if last is not following and agree:
+        axis_m = last.axis_m + (sign + gap_m / max(way_m, 1.0)) * (sample.distance_m - last.distance_m)
+        nearest = last
+    else:
+        if abs(sample.distance_m - nearest.distance_m) > (FARTHEST_M if last is following else TURN_M):
+            return None
+        sign = direction_sign(nearest.landmark.direction)
+        axis_m = nearest.axis_m + sign * (sample.distance_m - nearest.distance_m)
+    landmark = nearest.landmark
+    return TracePoint(sample.t_s, landmark.branch, landmark.direction, axis_m, sample.curvature_per_m)
 
 
 def _rows(path: Path, landmarks: Sequence[Landmark]) -> list[tuple[Landmark, bool, str, float, float, float, float]]:

@@ -154,6 +154,8 @@ def _draw_stretches(axes: Axes, found: Sequence[tuple[str, Stretches]]) -> None:
         middle = 0.5 * (first + last)
         axes.plot(middle[one.slipped], rate[one.slipped], "o", color=colour, markersize=5)
         axes.plot(middle[~one.slipped], rate[~one.slipped], "o", color=colour, markersize=5, fillstyle="none")
+    if not any(len(one.true_m) for _, one in found):
+        axes.text(0.5, 0.5, "no two of them were passed one after the other", ha="center", transform=axes.transAxes)
     for rate_percent in (-PERCENT, PERCENT):
         axes.axhline(rate_percent, color=TRUE, linewidth=0.9, linestyle=(0, (4, 3)))
     axes.set_ylim(-1.15 * most, 1.15 * most)
@@ -187,14 +189,13 @@ def draw_motion(
     errors = figure.add_subplot(grid[1, :], sharex=whole)
     _draw_bounds(errors, tracks, truth)
     head(errors, "Error of the distance under its bound")
-    near = figure.add_subplot(grid[2, 0])
     slip = _shown_slip(truth, wheel, slip_at_s)
-    _draw_speed(
-        near, tracks, truth, wheel, (slip.start_s - AROUND_S, slip.end_s + AROUND_S) if slip else (begin_s, end_s)
-    )
-    near.set_xlabel("time [s]")
-    head(near, "One slip; colours as above" if slip else "No slip", ())
-    between = figure.add_subplot(grid[2, 1])
+    if slip is not None:
+        near = figure.add_subplot(grid[2, 0])
+        _draw_speed(near, tracks, truth, wheel, (slip.start_s - AROUND_S, slip.end_s + AROUND_S))
+        near.set_xlabel("time [s]")
+        head(near, "One slip; colours as above", ())
+    between = figure.add_subplot(grid[2, 1 if slip else slice(None)])
     ways = [] if wheel is None else [(WHEEL, wheel.t_s, wheel.way_m)]
     ways += [(colour, one.t_s, one.distance_m) for one, colour in zip(tracks, COLOURS, strict=False)]
     _draw_stretches(between, [(colour, measured_stretches(t_s, way_m, truth, marks)) for colour, t_s, way_m in ways])

@@ -14,6 +14,7 @@ from services.landmark_matching.matched_run_file import MatchesError, read_match
 from services.odometry_fusion.command import app
 from services.odometry_fusion.evaluation import Marks, MotionTrack, MotionTruth, even_marks, measured_stretches
 from services.odometry_fusion.motion_plot import draw_motion
+from services.odometry_fusion.picture_plot import save_picture
 from tests.unit.odometry_fusion.test_paper_runs import run_of
 from tests.unit.odometry_fusion.test_shell_files import write_log
 from tests.unit.train_position.made_up import straight_line
@@ -169,6 +170,19 @@ def test_a_run_is_placed_by_what_was_accepted(folder: Path) -> None:
     assert np.interp([first.t_s, last.t_s], t_s, axis_m) == pytest.approx([1392.0, 2392.0], abs=0.1)
 
 
+def test_where_two_landmarks_do_not_fit_only_their_surroundings_are_placed(folder: Path, tmp_path: Path) -> None:
+    rows = (folder / "matches.csv").read_text().splitlines()
+    told = tmp_path / "matches.csv"
+    told.write_text("\n".join([rows[0], rows[1], rows[3].replace("2400.0", "1500.0")]) + "\n")
+    run = read_matched_run(folder / "run", told, LANDMARKS, 0.0)
+    axis_m = np.array([point.axis_m for point in run.trace])
+    # 1000 m lie between them by odometry, 100 m by the file: each has the half of that which is nearer to it.
+    first = np.array([point.t_s for point in run.trace]) < 0.5 * (run.matches[0].t_s + run.matches[1].t_s)
+    assert axis_m[first].max() == pytest.approx(1900.0, abs=5.0)
+    assert axis_m[~first].min() == pytest.approx(1000.0, abs=5.0)
+    assert len(run.trace) == len(read_matched_run(folder / "run", folder / "matches.csv", LANDMARKS, 0.0).trace)
+
+
 def test_a_train_that_turns_back_measures_no_distance_from_a_mark_to_itself() -> None:
     t_s = np.arange(0.0, 101.0)
     way_m = np.where(t_s <= 50.0, 10.0 * t_s, 1000.0 - 10.0 * t_s)
@@ -178,6 +192,14 @@ def test_a_train_that_turns_back_measures_no_distance_from_a_mark_to_itself() ->
     assert found.true_m.tolist() == [300.0, 300.0]
     assert found.measured_m == pytest.approx([306.0, 306.0])
     assert found.slipped.tolist() == [True, False]
+
+
+def test_one_mark_makes_no_distance_and_the_picture_says_so(tmp_path: Path) -> None:
+    t_s = np.arange(0.0, 50.0)
+    truth = MotionTruth(t_s, t_s, np.ones(50), np.zeros(50, np.int64))
+    track = MotionTrack("made", t_s, t_s, np.ones(50), np.zeros(50, np.bool_), np.ones(50), ("valid",) * 50)
+    save_picture(tmp_path / "a.svg", draw_motion([track], truth, None, even_marks(truth, 1000.0)))
+    assert "no two of them were passed" in (tmp_path / "a.svg").read_text("utf-8")
 
 
 @pytest.mark.parametrize("count", [0, 5])
