@@ -34,6 +34,15 @@ UNITS: Final = {
 }
 
 
+LARGEST: Final = 1e6
+"""No sensor of a vehicle measures more, in whatever unit; rows beyond are no measurements."""
+LARGEST_BY_NAME: Final = {"t": 1e19, "pulses": 2.0**53}
+"""Nanoseconds since 1970, with room; counts as long as they are exact."""
+LONGEST_S: Final = 2.7e6
+"""A recording of more than a month has its times in another unit."""
+MOST_UNPAIRED: Final = 0.01
+
+
 class ImportFileError(ValueError):
     """A recording that cannot be read; names the file and what is wrong."""
 
@@ -55,10 +64,10 @@ class Recording:
 def read_comma2k19(segment: Path) -> Recording:
     """A segment of comma2k19. Raises ImportFileError, OSError."""
     log, pose = segment / "processed_log", segment / "global_pose"
-    force_t, force = _array(log / "IMU/accelerometer/t"), _array(log / "IMU/accelerometer/value")
-    rate_t, rate = _array(log / "IMU/gyro/t"), _array(log / "IMU/gyro/value")
-    wheel_t, wheel = _array(log / "CAN/wheel_speed/t"), _array(log / "CAN/wheel_speed/value")
-    truth_t, velocity = _array(pose / "frame_times"), _array(pose / "frame_velocities")
+    force_t, force = _series(log / "IMU/accelerometer/t", log / "IMU/accelerometer/value", 3)
+    rate_t, rate = _series(log / "IMU/gyro/t", log / "IMU/gyro/value", 3)
+    wheel_t, wheel = _series(log / "CAN/wheel_speed/t", log / "CAN/wheel_speed/value", 4)
+    truth_t, velocity = _series(pose / "frame_times", pose / "frame_velocities", 3)
     zero = float(min(force_t[0], wheel_t[0], truth_t[0]))
     if len(rate_t) == len(force_t):
         rates = rate
@@ -116,7 +125,11 @@ def pulses_of_speed(t_s: Floats, speed_mps: Floats) -> tuple[Floats, NDArray[np.
 
 
 def write_motion_log(folder: Path, run: Recording, latency_s: float, max_gradient_permille: float) -> None:
-    """Write a motion log beside `folder`, then put it there; an existing folder is not touched. Raises OSError."""
+    """Write a motion log beside `folder`, then put it there; an existing folder is not touched.
+
+    Raises ImportFileError for a recording that is no run, and OSError.
+    """
+    _require_run(run)
     if folder.exists():
         msg = f"{folder} is there already: remove it, or name another"
         raise FileExistsError(msg)
@@ -144,14 +157,39 @@ def write_motion_log(folder: Path, run: Recording, latency_s: float, max_gradien
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _array(path: Path) -> NDArray[np.float64]:
+def _require_run(run: Recording) -> None:
+    """Refuse a recording without a beginning and an end. Raises ImportFileError."""
+    for name, t_s in (("inertial sensor", run.imu_t_s), ("counter", run.tacho_t_s)):
+        if len(t_s) < 2 or not 0.0 < t_s[-1] - t_s[0] <= LONGEST_S:  # noqa: PLR2004 - a beginning and an end
+            long_s = float(t_s[-1] - t_s[0]) if len(t_s) else 0.0
+            msg = f"the {name}'s {len(t_s)} samples last {long_s:g} s: are the column and the unit of time right?"
+            raise ImportFileError(msg)
+
+
+def _series(times: Path, values: Path, width: int) -> tuple[Floats, NDArray[np.float64]]:
+    """Times (n,) and their values (n, width); of more times than values, or the other way round, the common beginning.
+
+    Raises ImportFileError.
+    """
+    t_s, table = _array(times, LARGEST_BY_NAME["t"]), _array(values, LARGEST)
+    if t_s.ndim != 1 or table.ndim != 2 or table.shape[1] != width:  # noqa: PLR2004 - rows and columns
+        msg = f"{values}: an array of n rows of {width} beside n times is wanted, not {table.shape} beside {t_s.shape}"
+        raise ImportFileError(msg)
+    count = min(len(t_s), len(table))
+    if abs(len(t_s) - len(table)) > MOST_UNPAIRED * count:
+        msg = f"{values}: {len(table)} rows, but {len(t_s)} times in {times.name}: one of the files is cut off"
+        raise ImportFileError(msg)
+    return t_s[:count], table[:count]
+
+
+def _array(path: Path, largest: float) -> NDArray[np.float64]:
     try:
         array = np.load(path, allow_pickle=False)
     except (FileNotFoundError, ValueError) as error:
         msg = f"{path}: {error} (a comma2k19 segment holds processed_log and global_pose)"
         raise ImportFileError(msg) from error
-    if array.size == 0 or not np.isfinite(array).all():
-        msg = f"{path}: empty, or not all numbers"
+    if array.size == 0 or array.dtype.kind not in "iuf" or not (np.abs(array) <= largest).all():
+        msg = f"{path}: empty, or not all numbers that can be measured"
         raise ImportFileError(msg)
     return np.asarray(array, np.float64)
 
@@ -190,7 +228,8 @@ def read_columns(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> 
     table = np.stack(
         [np.ma.filled(np.ma.asarray(one, np.float64), np.nan) for one in (rows[names[name]] for name in wanted)], axis=1
     )
-    table = table[np.isfinite(table).all(axis=1)]
+    most = np.array([LARGEST_BY_NAME.get(name, LARGEST) for name in wanted])
+    table = table[(np.abs(table) <= most).all(axis=1)]
     if len(table) < 2:  # noqa: PLR2004 - a run has a beginning and an end
         msg = f"{path}: no rows of numbers in the columns {', '.join(names[one] for one in wanted)}"
         raise ImportFileError(msg)

@@ -38,7 +38,8 @@ class ImuBlocks:
     times: SampleTimes = field(init=False)
     _watch: ImuWatch = field(init=False)
     _rotation: NDArray[np.float64] = field(init=False)
-    _held: list[tuple[float, ImuSample]] = field(default_factory=list)
+    _held: list[tuple[float, float, ImuSample]] = field(default_factory=list)
+    """Time, arrival, sample."""
     _first: int = 0
     _recent: deque[NDArray[np.float64]] = field(init=False)
     _curve: deque[str] = field(default_factory=lambda: deque(maxlen=_CURVE_BLOCKS))
@@ -60,10 +61,10 @@ class ImuBlocks:
         time_s = self.times.stamp(arrived_s, sample.counter, sample.device_s)
         missing = self.times.samples - before > 1
         whole = bool(self._held) and (missing or time_s - self._held[0][0] >= self.block_s - 0.5 / self.config.rate_hz)
-        block = self._block(arrived_s) if whole else None
+        block = self._block() if whole else None
         if not self._held:
             self._first = self.times.samples - 1
-        self._held.append((time_s, sample))
+        self._held.append((time_s, arrived_s, sample))
         return block
 
     def compare(self, speed_mps: float | None) -> None:
@@ -85,15 +86,15 @@ class ImuBlocks:
             return None
         return float(np.std(np.concatenate(self._recent)[:, 2]))
 
-    def _block(self, now_s: float) -> ImuBlock:
+    def _block(self) -> ImuBlock:
         held, self._held = self._held, []
         last_ns = round(held[-1][0] * NS)
         faults: Warnings = {}
-        for time_s, sample in held:
-            faults.update(self._watch.faults(sample, time_s, now_s))
+        for time_s, arrived_s, sample in held:
+            faults.update(self._watch.faults(sample, time_s, arrived_s))
             if sample.fault:
                 faults["noise"] = sample.fault
-        values = np.array([sample.values for _, sample in held])
+        values = np.array([sample.values for *_, sample in held])
         turned = np.concatenate([values[:, :3] @ self._rotation.T, values[:, 3:] @ self._rotation.T], axis=1)
         self._recent.append(turned)
         for kind in ("saturated", "frozen", "gap", "late", "noise"):
@@ -106,14 +107,14 @@ class ImuBlocks:
         return ImuBlock(
             t_ns=last_ns,
             first_sample=self._first,
-            offset_ns=np.array([round(time_s * NS) - last_ns for time_s, _ in held], np.int64),
+            offset_ns=np.array([round(time_s * NS) - last_ns for time_s, *_ in held], np.int64),
             ax_mps2=columns[0],
             ay_mps2=columns[1],
             az_mps2=columns[2],
             gx_radps=columns[3],
             gy_radps=columns[4],
             gz_radps=columns[5],
-            temperature_c=held[-1][1].temperature_c,
+            temperature_c=held[-1][2].temperature_c,
             fault="; ".join(faults[kind] for kind in ("saturated", "frozen", "noise") if kind in faults),
         )
 

@@ -57,7 +57,8 @@ class ImuWatch:
         ]
 
     def _frozen(self, sample: ImuSample, time_s: float) -> list[str]:
-        if self._before is None:
+        if self._before is None or time_s - self._time_s > FROZEN_S:
+            # Two samples alike on both sides of a gap say nothing.
             self._same_since_s = [time_s] * 6
             return []
         for axis in range(6):

@@ -46,6 +46,24 @@ def test_a_hole_in_the_count_ends_a_message() -> None:
     assert blocks.times.lost == 27 + 7
 
 
+def test_after_a_gap_samples_are_neither_late_nor_frozen() -> None:
+    blocks = ImuBlocks(ImuInput(tcp=TCP), 0.1, counter_modulus=1 << 16)
+    said = set()
+    for k in [*range(15), *range(315, 345)]:
+        # Coarse counts: az is the same before and after.
+        noise = (
+            0.01 * (k % 3),
+            0.01 * (k % 2),
+            9.8 + 0.01 * (k % 2),
+            0.001 * (k % 2),
+            0.001 * (k % 3),
+            0.001 * (k % 2),
+        )
+        blocks.take(ImuSample(noise, counter=k), 50.0 + 0.01 * k)
+        said |= set(blocks.warnings)
+    assert said == {"gap"}
+
+
 def test_wrong_axes_are_said_at_rest_and_taken_back_when_right() -> None:
     upside_down = ImuBlocks(ImuInput(tcp=TCP), block_s=0.1)
     for k in range(400):

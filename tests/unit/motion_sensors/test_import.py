@@ -97,6 +97,44 @@ def test_what_cannot_be_read_is_named_and_nothing_is_left(tmp_path: Path, change
     assert sorted(path.name for path in tmp_path.iterdir()) == ["imu.csv", "wheel.csv"]
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("CAN/wheel_speed/t", np.arange(100.0), "one of the files is cut off"),
+        ("IMU/accelerometer/value", np.zeros(5), "n rows of 3"),
+        ("IMU/accelerometer/t", np.array(["a", "b"]), "not all numbers"),
+        ("IMU/gyro/t", np.array(5.0), "n rows of 3"),
+        ("CAN/wheel_speed/value", np.full((6000, 4), 1e300), "not all numbers"),
+        ("IMU/gyro/value", np.full((3000, 3), np.nan), "not all numbers"),
+    ],
+)
+def test_a_broken_segment_is_named_and_nothing_is_left(
+    tmp_path: Path, name: str, values: NDArray[np.float64], words: str
+) -> None:
+    path = segment(tmp_path / "segment") / "processed_log" / name
+    with path.open("wb") as file:
+        np.save(file, values)
+    code, said = call("import", "comma2k19", tmp_path / "segment", "--out", tmp_path / "log")
+    assert (code, words in said, path.name in said) == (1, True, True)
+    assert not (tmp_path / "log").exists()
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (["5,0,0,9.8,0,0,0"] * 50, "1 samples last 0 s"),
+        ([f"{1e9 * k},0,0,9.8,0,0,0" for k in range(50)], "are the column and the unit of time right?"),
+        (["0,1e300,0,9.8,0,0,0", "1,0,0,9.8,0,0,1e300"], "no rows of numbers"),
+    ],
+)
+def test_a_table_that_is_no_run_is_refused(tmp_path: Path, rows: list[str], words: str) -> None:
+    header = "t_s,ax_mps2,ay_mps2,az_mps2,gx_radps,gy_radps,gz_radps\n"
+    (tmp_path / "imu.csv").write_text(header + "\n".join(rows) + "\n")
+    (tmp_path / "wheel.csv").write_text("t_s,pulses\n" + "".join(f"{k},{60 * k}\n" for k in range(50)))
+    code, said = call("import", "csv", tmp_path / "imu.csv", "--tacho", tmp_path / "wheel.csv", "--out", tmp_path / "l")
+    assert (code, words in said, (tmp_path / "l").exists()) == (1, True, False)
+
+
 def test_a_log_that_is_there_is_not_touched(tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     code, said = call("import", "comma2k19", segment(tmp_path / "segment"), "--out", tmp_path / "log")
