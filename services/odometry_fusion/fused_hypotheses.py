@@ -17,7 +17,21 @@ import numpy as np
 
 from services.numerics.kernel import kernel
 from services.odometry_fusion.fused_branch import correct
-from services.odometry_fusion.fused_layout import ADHERING, BRANCHES, SLIPPING, TH, Branches, D, Record, U, V, W
+from services.odometry_fusion.fused_layout import (
+    ADHERING,
+    BRANCHES,
+    GRAVITY_MPS2,
+    SIZE,
+    SLIPPING,
+    TH,
+    Branches,
+    Covariance,
+    D,
+    Record,
+    U,
+    V,
+    W,
+)
 from services.odometry_fusion.motion_log import Counts
 
 TRY_TICKS: Final = 3
@@ -31,6 +45,12 @@ LEAST_FREE: Final = -22.0
 FREE_SIGMA: Final = (0.3, 0.08)
 """Inertial speed's error beside its own account of it: m/s, and m/s per second of slip."""
 FREE_TILT_RAD: Final = 0.01
+CREPT_LOG: Final = -4.0
+"""Price of an end whose slip began out of micro-slip that had been taken for adhesion."""
+CREPT_MPS: Final = 0.12
+CREPT_TILT_RAD: Final = 0.002
+"""By how much speed and attitude are off then (one sigma): a wheel that creeps away ever faster looks like a train
+on a gradient."""
 FIRST_WALK: Final = 0.15**2
 FIRST_SLIP_MPS: Final = 0.05
 END_SLIP_MPS: Final = 0.08
@@ -73,6 +93,7 @@ def begin_slip(branches: Branches, source: int, target: int, tick: int, effort_m
     if own.free:
         own.doubt_m += abs((x[D] - own.slip_d_m) - (x[W] - own.slip_w_m))
     own.walk, own.top_mps, own.free, own.first, own.tame = FIRST_WALK, 0.0, 0, 0, 0
+    own.shown = 0
     own.slip_d_m, own.slip_w_m = x[D], x[W]
     own.effort_mps2, own.loose_var = effort_mps2, 0.0
     branches.p[target, U, U] += FIRST_SLIP_MPS**2
@@ -84,6 +105,17 @@ def against_effort(slip_mps: float, effort_mps2: float) -> float:
     if slip_mps * effort_mps2 >= 0.0:
         return 0.0
     return float(AGAINST_LOG * min(1.0, max(0.0, 2.0 * abs(effort_mps2) / EFFORT_MPS2 - 1.0)))
+
+
+@kernel
+def turned_over(slip_mps: float, first_mps2: float, effort_mps2: float) -> float:
+    """What an account loses whose slip has come back beyond nought, in logarithm.
+
+    A wheel that slid spins only if the effort has turned over, too: from `first_mps2` to `effort_mps2`.
+    """
+    if slip_mps * effort_mps2 > 0.0 and abs(effort_mps2) > 0.5 * EFFORT_MPS2:
+        return 0.0
+    return min(against_effort(slip_mps, first_mps2), against_effort(slip_mps, effort_mps2))
 
 
 @kernel
@@ -125,6 +157,39 @@ def take_over(branches: Branches, source: int, target: int, tick: int, dt_s: flo
 
 
 @kernel
+def end_crept(branches: Branches, source: int, target: int, now: Record, dt_s: float) -> None:
+    """The account that the wheels adhere again, after a slip that began within micro-slip.
+
+    The start point was none (Iwata et al., section 4.3.1): the wheel was off by then already, and the attitude by what
+    its creeping away made of the gradient. From the start on both have added to speed and distance; the rim's way
+    stays, for the slip speed took what they added. It confirms the inertial speed less than an end that needs no such
+    excuse: only where the rim has done what no train could it is sure that there was a slip at all.
+    """
+    copy_branch(branches, source, target)
+    own = branches.about[target]
+    slip_s = (now.tick - own.since) * dt_s
+    if now.wild_tick < own.slip_since or own.tame:
+        own.free = 1
+    for sigma, speed, way_m, tilt in (
+        (np.sqrt(CREPT_MPS**2 + now.creep_var), 1.0, slip_s, 0.0),
+        (CREPT_TILT_RAD, -GRAVITY_MPS2 * slip_s, -0.5 * GRAVITY_MPS2 * slip_s * slip_s, 1.0),
+    ):
+        _loosen(branches.p[target], sigma * speed, sigma * way_m, sigma * tilt)
+    own.log_weight += CREPT_LOG
+    end_slip(branches, target, target, now.tick, now.creep_var)
+
+
+@kernel
+def _loosen(p: Covariance, speed: float, way_m: float, tilt: float) -> None:
+    """Add what one unknown error of these sizes in V (and -U), D and TH adds."""
+    apart = np.zeros(SIZE)
+    apart[V], apart[U], apart[D], apart[TH] = speed, -speed, way_m, tilt
+    for i in range(SIZE):
+        for j in range(SIZE):
+            p[i, j] += apart[i] * apart[j]
+
+
+@kernel
 def branch_out(branches: Branches, now: Record, begins: bool, dt_s: float) -> None:  # noqa: FBT001 - a kernel takes its arguments by place
     """Try slips that begin (if `begins`) and slips that end, from the accounts at hand."""
     count, tick = now.branches, now.tick
@@ -149,6 +214,8 @@ def branch_out(branches: Branches, now: Record, begins: bool, dt_s: float) -> No
             end_slip(branches, i, target, tick, now.creep_var)
             target += 1
     if slipping >= 0:
+        end_crept(branches, slipping, target, now, dt_s)
+        target += 1
         take_over(branches, slipping, target, tick, dt_s, now.creep_var)
         target += 1
     now.branches = target

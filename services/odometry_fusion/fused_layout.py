@@ -58,6 +58,8 @@ BRANCH: Final[np.dtype[Any]] = np.dtype([
     ("free", np.int64),
     # the account that the wheels slipped when all began
     ("first", np.int64),
+    # direction that its latest slip has shown: -1, 0 or +1
+    ("shown", np.int64),
     # in its latest slip the rim has long run as a train does
     ("tame", np.int64),
     *(

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from services.numerics.kernel import kernel
-from services.odometry_fusion.fused_hypotheses import against_effort
+from services.odometry_fusion.fused_hypotheses import against_effort, turned_over
 from services.odometry_fusion.fused_layout import SLIPPING, Record, U, W
 from services.odometry_fusion.motion_log import PERIOD_S, Floats
 
@@ -55,11 +55,15 @@ def rate_noise(own: Record, now: Record) -> float:
 
 
 @kernel
-def watch_walk(x: Floats, own: Record, residual_m: float, variance: float, now: Record) -> None:
+def watch_walk(x: Floats, p: Floats, own: Record, residual_m: float, variance: float, now: Record) -> None:
     """The slip speed's random walk follows what it has just done (as in GARCH models)."""
     shown = max(residual_m * residual_m - 4.0 * variance, 0.0) / PERIOD_S**3
-    if own.top_mps < SHOWN_MPS <= abs(x[U]):
+    if own.shown == 0 and abs(x[U]) >= SHOWN_MPS:
         own.log_weight += against_effort(x[U], own.effort_mps2)
+        own.shown = 1 if x[U] > 0.0 else -1
+    elif x[U] * own.shown < 0.0 and abs(x[U]) >= SHOWN_MPS + np.sqrt(p[U, U]):
+        own.log_weight += turned_over(x[U], own.effort_mps2, now.effort_mps2 if now.proven else 0.0)
+        own.shown = -own.shown
     suspected = own.top_mps < PLAIN_SLIP_MPS + 2.0 * np.sqrt(now.creep_var)
     least = (LEAST_WALK if suspected else PLAIN_WALK) ** 2 + 2.0 * now.creep_var
     own.walk = max(least, own.walk + WALK_SHARE * (min(shown, MOST_WALK**2) - own.walk))

@@ -47,7 +47,7 @@ def begin_branches(branches: Branches, now: Record, way_m: float, rim_m: float, 
     own = branches.about[0]
     own.mode, own.since, own.slip_since = ADHERING, now.tick, now.tick
     own.log_weight, own.walk, own.top_mps, own.free, own.first = 0.0, 0.0, 0.0, 0, 0
-    own.tame, own.loose_var = 0, 0.0
+    own.tame, own.shown, own.loose_var = 0, 0, 0.0
     own.doubt_m = 0.0
     now.followed_m = way_m
     own.slip_d_m, own.slip_w_m = way_m, rim_m

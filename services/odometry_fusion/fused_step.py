@@ -49,6 +49,8 @@ REST_SPEED_SIGMA_MPS: Final = 0.05
 REST_RATE_SIGMA_RADPS: Final = 1e-3
 RESTING_M: Final = 0.005
 """What a tick at rest changes of the way beyond this is owned: no wheel tells it."""
+RESTING_LOG: Final = 0.5
+"""A wheel that stands under a train that stands adheres: what an account of a slip loses per tick."""
 
 
 @kernel
@@ -140,27 +142,29 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
         residual_m = z_m - x[W]
         if own.mode == SLIPPING:
             own.loose_var = max(own.loose_var, p[V, V])
-            watch_walk(x, own, residual_m, variance, now)
+            watch_walk(x, p, own, residual_m, variance, now)
         elif i == now.best and not blind:
             watch_creep(p, own, residual_m, variance, now)
         if own.mode == SLIPPING and abs(x[V]) > BACKWARDS_MPS and x[V] * (x[W] - own.slip_w_m) < 0.0:
             own.log_weight -= BACKWARDS_LOG
         own.log_weight += correct(x, p, W, residual_m, variance) - own.first * PERIOD_S / FIRST_SLIP_S
         if stands:
-            owned_m = _rest(x, p, tick, now)
+            owned_m = _rest(x, p, own, tick, now)
             now.excess_m += owned_m * (i == now.best)
     tick.ax_mps2, tick.gx_radps, tick.gy_radps, tick.gz_radps = ax_mps2, gx_radps, gy_radps, gz_radps
     return stands
 
 
 @kernel
-def _rest(x: Floats, p: Floats, tick: Record, now: Record) -> float:
+def _rest(x: Floats, p: Floats, own: Record, tick: Record, now: Record) -> float:
     """Speed and pitch rate are nought at rest: speed, bias and attitude are reset; gives what is to be owned [m].
 
     Not for an account of a train that slides on over wheels that stand.
     """
     if abs(x[V]) >= min(STILL_MPS + 3.0 * np.sqrt(p[V, V]), MOST_STILL_MPS):
         return 0.0
+    if own.mode == SLIPPING:
+        own.log_weight -= RESTING_LOG
     before_m = x[D]
     correct(x, p, V, -x[V], REST_SPEED_SIGMA_MPS**2)
     lacking = tick.gy_radps - (tick.gz_radps - now.yaw_bias_radps) * now.roll_rad

@@ -18,10 +18,12 @@ from services.odometry_fusion.fused_hypotheses import (
     AGAINST_LOG,
     against_effort,
     begin_slip,
+    end_crept,
     end_slip,
     prune,
     slip_share,
     take_over,
+    turned_over,
 )
 from services.odometry_fusion.fused_layout import (
     ADHERING,
@@ -41,8 +43,11 @@ from services.odometry_fusion.fused_layout import (
     V,
     W,
 )
+from services.odometry_fusion.fused_noise import watch_walk
+from services.odometry_fusion.fused_odometry import FusedOdometry
 from services.odometry_fusion.fused_origin import begin_branches, begin_now
 from services.odometry_fusion.fused_rim import watch_rim
+from services.odometry_fusion.fused_settings import FusedSettings
 from services.odometry_fusion.inertial_window import next_roll, next_variance
 from services.odometry_fusion.motion_log import Floats, Vehicle
 from services.odometry_fusion.standstill import STILL_TICKS, watch_standstill
@@ -234,6 +239,78 @@ def test_taking_over_the_wheel_keeps_its_speed_and_gives_the_inertial_one_up() -
     # 60 s of slip leave the inertial speed 5 m/s of doubt: the wheel's 11.5 m/s counts.
     assert branches.x[2, V] == pytest.approx(11.5, abs=0.05)
     assert branches.x[2, U] == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_slide_becomes_no_spin_unless_brakes_become_traction() -> None:
+    for sense in (1.0, -1.0):
+        found = [
+            turned_over(sense * 0.4, sense * first, sense * now)
+            for first, now in ((-0.8, -0.8), (-0.8, 0.0), (-0.8, 0.4))
+        ]
+        # Still braked, braked at first and coasting, pulling now: only the last can be.
+        assert found == pytest.approx([AGAINST_LOG, AGAINST_LOG, 0.0], abs=1e-9)
+    assert turned_over(0.4, 0.0, 0.0) == 0.0
+
+
+def test_a_slip_that_comes_back_beyond_nought_loses_once() -> None:
+    branches, now = fresh(20.0)
+    begin_slip(branches, 0, 1, 0, -0.8)
+    now["proven"], now["effort_mps2"] = 1, -0.8
+    x, p, own = branches.x[1], branches.p[1], branches.about[1:2]
+    p[U, U] = 0.05**2
+    lost = []
+    for slip_mps in (-0.1, -0.5, -0.5, 0.1, 0.19, 0.21, 0.3, -0.3):
+        before, x[U] = float(own["log_weight"][0]), slip_mps
+        watch_walk(x, p, own[0], 0.0, 1e-4, now[0])
+        lost.append(float(own["log_weight"][0]) - before)
+    assert lost == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, AGAINST_LOG, 0.0, 0.0], abs=1e-9)
+
+
+def test_what_micro_slip_before_the_start_point_did_to_speed_and_gradient_is_taken_back_at_the_end() -> None:
+    """A start point within micro-slip of 0.1 m/s, and 1 mrad of gradient too much: what that made of 10 s of way."""
+    seconds, off_mps, tilt = 10.0, 0.1, 1e-3
+    branches, now = fresh(15.0)
+    begin_slip(branches, 0, 1, 0, 0.0)
+    branches.p[1] = np.diag(np.full(SIZE, 1e-8))
+    wrong_mps = off_mps - GRAVITY_MPS2 * tilt * seconds
+    x = branches.x[1]
+    x[D], x[W], x[V], x[U], x[TH] = 150.0, 170.0, 15.0 + wrong_mps, -wrong_mps, tilt
+    plain, crept, now["tick"] = float(now["creep_var"][0]), 2, 100
+    end_slip(branches, 1, 3, 100, plain)
+    end_crept(branches, 1, crept, now[0], DT_S)
+    about = branches.about["log_weight"]
+    # Both ends hold 2 cm/s against what the rim shows; only the crept one can say where it came from.
+    assert abs(branches.x[crept, V] + branches.x[crept, U] - 15.0) < 1e-3
+    assert branches.x[crept, V] == pytest.approx(15.0, abs=0.015)
+    assert branches.x[crept, TH] == pytest.approx(0.0, abs=1.2e-3)
+    assert branches.x[crept, W] == pytest.approx(170.0, abs=1e-3)
+    assert about[crept] < about[1]
+    x[V], x[U] = 15.6, -0.6
+    end_slip(branches, 1, 3, 100, plain)
+    end_crept(branches, 1, crept, now[0], DT_S)
+    # 0.6 m/s left after 10 s are beyond what an inertial speed that began right may be off by.
+    assert about[crept] > about[3] + 3.0
+
+
+def test_a_wheel_that_stands_under_a_standing_train_no_longer_slips() -> None:
+    vehicle = Vehicle(90.0, 0.816, 0.0, 35.0)
+    step = FusedOdometry(vehicle, FusedSettings())
+    t_s = 0.1 * np.arange(1.0, 401.0)
+    # At 10 m/s for 20 s, braked by 1 m/s² to rest at 30 s; from 26 s the wheel drags behind by up to 0.8 m/s.
+    speed = np.clip(30.0 - t_s, 0.0, 10.0)
+    slip = np.where((t_s > 26.0) & (t_s < 30.0), np.minimum(0.8, 0.4 * (t_s - 26.0)), 0.0)
+    way_m = np.cumsum(np.maximum(speed - slip, 0.0)) * 0.1
+    pulses = np.floor(way_m / vehicle.metres_per_pulse).astype(np.int64)
+    imu_t_s = 0.01 * np.arange(1.0, 4001.0)
+    imu = np.zeros((4000, 6))
+    imu[:, 0] = np.where((imu_t_s > 20.0) & (imu_t_s < 30.0), -1.0, 0.0)
+    imu[:, 2] = GRAVITY_MPS2
+    imu += np.random.default_rng(3).normal(0.0, 1.0, imu.shape) * np.array([0.02, 0.02, 0.02, 5e-4, 5e-4, 5e-4])
+    rows = step.advance(40.0, imu_t_s, imu, t_s, pulses)
+    told_s = rows.t_s[rows.slip != 0]
+    assert len(told_s)
+    # Seen to stand after 1.3 s, and held for 2.5 s; two more for the accounts of a slip to fade.
+    assert told_s[-1] < 30.0 + 1.3 + 2.5 + 2.0
 
 
 def test_the_adhering_account_survives_any_number_of_better_ones() -> None:
