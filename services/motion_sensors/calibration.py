@@ -33,6 +33,8 @@ _WORTH_MPS2: Final = 0.05
 """Spread of acceleration without which a stretch tells no delay."""
 _STRAIGHT_RADPS: Final = 0.004
 _REST_S: Final = 3.0
+_STILL_M: Final = 0.004
+"""A wheel that turns by less over _REST_S stands: counters made of a measured speed creep."""
 _KMHPS: Final = 3.6
 _MEAN_S: Final = 3.0
 """Moving average before the threshold is compared (Iwata et al., section 4.1)."""
@@ -137,7 +139,8 @@ def _grid(log: MotionLog, latency_s: float) -> _Grid:
     sums = np.concatenate([np.zeros((1, 6)), np.cumsum(log.imu, axis=0)])
     first, last = (np.searchsorted(log.imu_t_s - latency_s, t_s + one) for one in edge)
     imu = (sums[last] - sums[first]) / np.maximum(last - first, 1)[:, None]
-    still = np.interp(t_s + 0.5 * _REST_S, log.tacho_t_s, way) == np.interp(t_s - 0.5 * _REST_S, log.tacho_t_s, way)
+    rested_m = np.interp(t_s + 0.5 * _REST_S, log.tacho_t_s, way) - np.interp(t_s - 0.5 * _REST_S, log.tacho_t_s, way)
+    still = np.abs(rested_m) < _STILL_M
     return _Grid(t_s, speed, _mean(wheel, WINDOW_S), _mean(imu, WINDOW_S), still)
 
 
@@ -181,16 +184,31 @@ def _correlation(first: Floats, second: Floats) -> float:
 
 
 def _levels(grids: list[_Grid]) -> tuple[list[float], list[float]]:
-    """Roll and pitch of the sensor [deg] at every standstill; cant and gradient there are in them."""
-    rolls, pitches = [], []
+    """Roll and pitch of the sensor [deg] at every standstill; cant and gradient there are in them.
+
+    Of runs without any stop: over stretches, the motion by the wheel taken off; the way is level in the mean then.
+    """
+    forces = []
     for grid in grids:
         edges = np.flatnonzero(np.diff(np.r_[0, grid.resting.astype(np.int8), 0]))
-        for a, b in zip(edges[::2], edges[1::2], strict=True):
-            force = grid.imu[a:b, :3].mean(axis=0)
-            size = max(float(np.linalg.norm(force)), 1e-9)
-            rolls.append(math.degrees(math.atan2(force[1], force[2])))
-            pitches.append(-math.degrees(math.asin(force[0] / size)))
+        forces += [grid.imu[a:b, :3].mean(axis=0) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    if not forces:
+        forces = [force for grid in grids for force in _forces_in_motion(grid)]
+    rolls = [math.degrees(math.atan2(force[1], force[2])) for force in forces]
+    pitches = [-math.degrees(math.asin(force[0] / max(float(np.linalg.norm(force)), 1e-9))) for force in forces]
     return rolls, pitches
+
+
+def _forces_in_motion(grid: _Grid) -> list[Floats]:
+    """Specific force of every stretch [m/s²], freed of what speeds the train up and of what a curve takes."""
+    forces = []
+    trusted = ~_contradicted(grid)
+    for part in _stretches(grid):
+        use = trusted[part]
+        if use.sum() * STEP_S > LEVEL_S:
+            taken = np.stack([grid.wheel_mps2, grid.speed_mps * grid.imu[:, 5], np.zeros(len(grid.t_s))], axis=1)
+            forces.append(np.asarray((grid.imu[part, :3] - taken[part])[use].mean(axis=0)))
+    return forces
 
 
 def _yaws(grid: _Grid) -> list[float]:

@@ -91,6 +91,10 @@ def calibrate(
     known_distance: Annotated[
         list[float] | None, typer.Option(help="True length of each log in metres, for the wheel diameter.")
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Write the log again, calibrated, into this new folder (several: one folder each in it)."),
+    ] = None,
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -98,6 +102,7 @@ def calibrate(
 
     Example: kirotei motion calibrate run1 run2 --known-distance 8012 --known-distance 8012
     """
+    from services.motion_sensors.calibrated_log_file import write_calibrated
     from services.motion_sensors.calibration import calibrate as estimate
     from services.motion_sensors.calibration import gradient_threshold_kmhps
     from services.odometry_fusion.motion_log_file import read_motion_log
@@ -108,6 +113,9 @@ def calibrate(
     try:
         read = [read_motion_log(path).log for path in logs]
         found = estimate(read, known_distance)
+        if out is not None:
+            for path, log in zip(logs, read, strict=True):
+                write_calibrated(path, log, found, out if len(logs) == 1 else out / path.resolve().name)
     except (ValueError, OSError) as error:
         typer.echo(f"kirotei: {error}", err=True)
         raise typer.Exit(1) from error
@@ -130,7 +138,8 @@ def calibrate(
         typer.echo(f"{name:17}{figures}")
     least = gradient_threshold_kmhps(max(log.max_gradient_permille for log in read))
     typer.echo(f"Ta must not be below {least:.2f} km/h/s, which the steepest gradient of these logs alone gives.")
-    typer.echo("Angles and latency go into [motion_sensors.imu]; cant and gradient at the stops are in roll and pitch.")
+    typer.echo("Cant and gradient at the stops (without a stop: of the whole way) are in roll and pitch.")
+    typer.echo("Angles and latency go into [motion_sensors.imu]; --out FOLDER writes these logs with them.")
 
 
 def _pairs(text: str) -> dict[str, str]:

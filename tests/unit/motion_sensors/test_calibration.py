@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from services.motion_sensors.calibrated_log_file import calibrated
 from services.motion_sensors.calibration import calibrate, gradient_threshold_kmhps
 from services.motion_sensors.imu_sample import STANDARD_GRAVITY_MPS2 as G
 from services.motion_sensors.mounting import angles_rotation
@@ -59,16 +62,38 @@ def test_ordinary_differences_set_the_threshold() -> None:
     assert gradient_threshold_kmhps(35.0) == pytest.approx(1.2356, abs=1e-4)
 
 
-def test_a_run_without_a_stop_says_nothing_of_angles() -> None:
-    log, _ = run(0.0)
-    part = slice(2500, 12_500)
-    tacho = slice(260, 1240)
-    moving = MotionLog(
+def moving_part(log: MotionLog) -> MotionLog:
+    part, tacho = slice(2500, 12_500), slice(260, 1240)
+    return MotionLog(
         log.imu_t_s[part], log.imu[part], log.tacho_t_s[tacho], log.pulses[tacho], TEETH, DIAMETER_M, 0.0, 35.0
     )
-    found = calibrate([moving])
-    assert not found.roll_deg.known
-    assert found.pitch_deg.error == float("inf")
+
+
+def test_a_run_without_a_stop_gives_the_angles_of_a_level_way() -> None:
+    found = calibrate([moving_part(run(0.0, roll_deg=1.0, pitch_deg=-0.7)[0])])
+    # The ends of the ramps are smoothed differently in both: 0.8 m/s² for a second of a hundred.
+    assert found.roll_deg.value == pytest.approx(1.0, abs=0.06)
+    assert found.pitch_deg.value == pytest.approx(-0.7, abs=0.06)
+
+
+def test_a_counter_that_creeps_at_rest_does_not_hide_the_stops() -> None:
+    log, _ = run(0.0, roll_deg=1.0)
+    pulse_m = np.pi * DIAMETER_M / TEETH
+    fine = np.rint(log.pulses * 500.0 + 0.0005 / pulse_m * 500.0 * log.tacho_t_s).astype(np.int64)
+    creeping = replace(log, pulses=fine, pulses_per_revolution=500.0 * TEETH)
+    assert calibrate([creeping]).roll_deg.stretches == calibrate([log]).roll_deg.stretches
+
+
+def test_a_calibrated_log_has_nothing_left_to_calibrate() -> None:
+    log, length_m = run(0.3, roll_deg=1.0, pitch_deg=-0.7, yaw_deg=2.0)
+    new = calibrated(log, calibrate([log], [length_m]))
+    assert new.imu_latency_s == pytest.approx(0.3, abs=0.02)
+    assert new.wheel_diameter_m == pytest.approx(DIAMETER_M, rel=1e-4)
+    left = calibrate([new])
+    assert abs(left.roll_deg.value) < 0.01
+    assert abs(left.pitch_deg.value) < 0.01
+    # The share of the force across that is noise is found again, within the yaw's own error.
+    assert abs(left.yaw_deg.value) < 0.3
 
 
 def test_a_snippet_is_refused() -> None:

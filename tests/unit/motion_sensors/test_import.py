@@ -153,6 +153,20 @@ def test_calibration_prints_what_it_knows_and_what_not(tmp_path: Path) -> None:
     assert "nothing to go by" in said
 
 
+def test_a_log_is_written_again_calibrated_with_its_truth(tmp_path: Path) -> None:
+    call("import", "comma2k19", segment(tmp_path / "segment"), "--out", tmp_path / "log")
+    code, said = call("calibrate", tmp_path / "log", "--known-distance", 300, "--out", tmp_path / "new")
+    assert code == 0, said
+    old, new = read_motion_log(tmp_path / "log").log, read_motion_log(tmp_path / "new").log
+    assert (new.pulses == old.pulses).all()
+    way_m = (new.pulses[-1] - new.pulses[0]) * np.pi * new.wheel_diameter_m / new.pulses_per_revolution
+    assert way_m == pytest.approx(300.0)
+    assert (tmp_path / "new/truth.parquet").read_bytes() == (tmp_path / "log/truth.parquet").read_bytes()
+    code, said = call("calibrate", tmp_path / "log", "--out", tmp_path / "new")
+    assert code == 1
+    assert "is there already" in said
+
+
 def test_pulses_of_a_speed_add_up_to_its_integral() -> None:
     t = np.linspace(0.0, 10.0, 101)
     times, pulses = pulses_of_speed(np.append(t, 5.0), np.append(2.0 * t, 99.0))
