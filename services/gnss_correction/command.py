@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from services.gnss_correction.tune_command import tune
+from services.runtime.progress import progress_of
+from services.runtime.settings_table import settings_table
 from services.runtime.told_command import UsageError, told
 
 if TYPE_CHECKING:
@@ -38,16 +37,7 @@ def configured(path: Path | None, overrides: dict[str, object]) -> Config:
     from services.gnss_correction.settings import Config
     from services.runtime.config_check import Faults, converted
 
-    table: dict[str, Any] = {}
-    if path is not None:
-        try:
-            table = tomllib.loads(path.read_text("utf-8")).get("gnss_correction", {})
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            msg = f"{path}: {error}"
-            raise UsageError(msg) from error
-        if not isinstance(table, dict):
-            msg = f"{path}: gnss_correction: expected a table [gnss_correction]"
-            raise UsageError(msg)
+    table = {} if path is None else settings_table(path, "gnss_correction")
     faults = Faults()
     config = converted(table | {name: value for name, value in overrides.items() if value is not None}, Config, faults)
     if config is None:
@@ -57,21 +47,6 @@ def configured(path: Path | None, overrides: dict[str, object]) -> Config:
         )
         raise UsageError("; ".join(f"{spot}: {words}" for spot, (_, words) in zip(spots, faults.found, strict=True)))
     return config
-
-
-@contextmanager
-def progress_of(what: str) -> Iterator[Callable[[float], None]]:
-    """A bar on a terminal, lines where there is none; both on standard error."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda done: typer.echo(f"{what}: {100.0 * done:.0f} %", err=True)
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda done: bar.update(task, completed=done)
 
 
 def _summary(rover: Path, out: Path, method: str, solved: Solved) -> str:

@@ -61,6 +61,23 @@ def block_of(epoch: Epoch) -> Observations:
     )
 
 
+def silent_epoch() -> Epoch:
+    """An epoch in which nothing was received: kernels compile on it before a real one waits for them."""
+    nothing = np.empty(0)
+    return Epoch(
+        t_ns=0,
+        gps_week=0,
+        tow_s=0.0,
+        satellites=(),
+        signals=(),
+        pseudorange_m=nothing,
+        carrier_phase_cycles=nothing,
+        doppler_hz=nothing,
+        cn0_dbhz=nothing,
+        lock_lost=np.empty(0, np.uint8),
+    )
+
+
 class Correction:
     """Corrects the epochs of one receiver, in the order in which they come."""
 

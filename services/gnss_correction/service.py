@@ -7,8 +7,6 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from schemas.gnss import Corrections, Ephemeris, Epoch, Fix, Ionosphere
 from schemas.topics import (
     GNSS_COMPARISON,
@@ -23,7 +21,7 @@ from schemas.topics import (
 from services.gnss_correction.fix_messages import fixes_of
 from services.gnss_correction.front_end import FrontEndFinder
 from services.gnss_correction.line_method import Line, warm_up
-from services.gnss_correction.pipeline import Correction
+from services.gnss_correction.pipeline import Correction, silent_epoch
 from services.gnss_correction.settings import Config
 from services.gnss_correction.thresholds_file import read_thresholds
 from services.gnss_correction.verdict_messages import verdicts_of
@@ -36,23 +34,9 @@ MOST_DEVICES: Final = 16
 
 def _warm_up(config: Config, line: Line | None) -> None:
     """Compile the kernels, or load them from their cache, before the first epoch waits for them."""
-    nothing, no_bits = np.empty(0), np.empty(0, np.uint8)
     if line is not None:
         warm_up(line)
-    Correction(config, line=line).epoch(
-        Epoch(
-            t_ns=0,
-            gps_week=0,
-            tow_s=0.0,
-            satellites=(),
-            signals=(),
-            pseudorange_m=nothing,
-            carrier_phase_cycles=nothing,
-            doppler_hz=nothing,
-            cn0_dbhz=nothing,
-            lock_lost=no_bits,
-        )
-    )
+    Correction(config, line=line).epoch(silent_epoch())
 
 
 def _note(node: Node, device: str, fix: Fix) -> None:

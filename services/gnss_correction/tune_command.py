@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
+from services.runtime.progress import progress_of
 from services.runtime.told_command import UsageError, told
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def tune(
         found = tune_file.tune(recording, settings, out, receiver=receiver or rover.stem, false_alarms=false_alarms)
         rows = []
         if with_sweep:
-            with command.progress_of(f"sweeping {rover.name}") as progress:
+            with progress_of(f"sweeping {rover.name}") as progress:
                 rows = tune_file.sweep_recording(recording, settings, truth=truth_line, line=line, progress=progress)
         if as_json:
             whole = {"thresholds": msgspec.to_builtins(found), "sweep": [asdict(row) for row in rows]}

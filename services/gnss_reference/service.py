@@ -7,12 +7,11 @@ from collections import Counter
 from typing import Annotated, Literal
 
 import msgspec
-import numpy as np
 from msgspec import Meta
 
 from schemas.gnss import Corrections, Ephemeris, Epoch, Ionosphere, OwnPosition
 from schemas.topics import GNSS_CORRECTION, GNSS_EPHEMERIS
-from services.gnss_correction.pipeline import block_of
+from services.gnss_correction.pipeline import block_of, silent_epoch
 from services.gnss_receiver.heard import StationPosition
 from services.gnss_receiver.reception import Reception
 from services.gnss_receiver.reception_stream import receive
@@ -73,20 +72,7 @@ async def run(node: Node, config: Config) -> None:
 
 def _warm_up() -> None:
     """Compile the kernels, or load them from their cache, before the first epoch waits for them."""
-    nothing = np.empty(0)
-    epoch = Epoch(
-        t_ns=0,
-        gps_week=0,
-        tow_s=0.0,
-        satellites=(),
-        signals=(),
-        pseudorange_m=nothing,
-        carrier_phase_cycles=nothing,
-        doppler_hz=nothing,
-        cn0_dbhz=nothing,
-        lock_lost=np.empty(0, np.uint8),
-    )
-    for _ in ReferenceStation("", (0.0, 0.0, 0.0), StationSettings()).block(block_of(epoch)):
+    for _ in ReferenceStation("", (0.0, 0.0, 0.0), StationSettings()).block(block_of(silent_epoch())):
         pass
 
 

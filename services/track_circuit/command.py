@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from services.runtime.progress import progress_of
+from services.runtime.settings_table import settings_table
 from services.runtime.told_command import UsageError, told
 from services.track_circuit import watch_command
 
@@ -47,21 +46,6 @@ def _on_one_core() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-@contextmanager
-def progress_of(what: str) -> Iterator[Callable[[float], None]]:
-    """A bar on a terminal, lines where there is none; both on standard error."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda done: typer.echo(f"{what}: {100.0 * done:.0f} %", err=True)
-        return
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda done: bar.update(task, completed=done)
-
-
 def configured(path: Path | None) -> Config:
     """Settings from the [track_circuit] table of a TOML file. Raises UsageError, OSError."""
     from services.runtime.config_check import Faults, converted
@@ -69,16 +53,8 @@ def configured(path: Path | None) -> Config:
 
     if path is None:
         return Config()
-    try:
-        table: Any = tomllib.loads(path.read_text("utf-8")).get("track_circuit", {})
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        msg = f"{path}: {error}"
-        raise UsageError(msg) from error
-    if not isinstance(table, dict):
-        msg = f"{path}: track_circuit: expected a table [track_circuit]"
-        raise UsageError(msg)
     faults = Faults()
-    config = converted(table, Config, faults)
+    config = converted(settings_table(path, "track_circuit"), Config, faults)
     if config is None:
         told_faults = (f"{path}: track_circuit.{'.'.join(spot)}: {words}" for spot, words in faults.found)
         raise UsageError("; ".join(told_faults))

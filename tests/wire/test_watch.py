@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 from pathlib import Path
 
@@ -21,18 +20,11 @@ TABLES = (
 )
 
 
-@pytest.fixture
-def kernels(pytestconfig: pytest.Config) -> str:
-    """Where compiled kernels are kept from one test run to the next: compiling takes half a minute."""
-    assert pytestconfig.cache is not None
-    return os.environ.get("NUMBA_CACHE_DIR") or str(pytestconfig.cache.mkdir("kernels"))
-
-
-def test_the_demonstration_gives_live_fixes_with_their_errors_against_truth(tmp_path: Path, kernels: str) -> None:
+def test_the_demonstration_gives_live_fixes_with_their_errors_against_truth(tmp_path: Path) -> None:
     port = free_port()
     profile = write_profile(tmp_path, port, services=("simulator", "gnss_correction"), more=TABLES)
     endpoint = f"tcp/127.0.0.1:{port}"
-    with running(*CLI, "up", "--profile", str(profile), NUMBA_CACHE_DIR=kernels) as up:
+    with running(*CLI, "up", "--profile", str(profile)) as up:
         up.event("all_ready", patience_s=120.0)
         with running(*CLI, "watch", "--once", "--json", "--connect", endpoint) as watch:
             assert watch.ended() == 0
