@@ -12,7 +12,7 @@ from services.odometry_fusion.fused_rim import begin_rim
 
 FIRST_CREEP: Final = 0.04
 """Micro-slip's standard deviation [m/s]."""
-FIRST_QUIET: Final = 0.05
+FIRST_QUIET: Final = 0.02
 FIRST_SLIP_LOG: Final = -3.0
 FIRST_SLIP_S: Final = 4.0
 FIRST_SLIP_MPS: Final = 1.5
