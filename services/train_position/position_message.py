@@ -6,7 +6,7 @@ import msgspec
 
 from schemas.position import PositionStatus, TrainPosition
 from services.train_position.branches import MAIN
-from services.train_position.claims import Interval
+from services.train_position.claims import STREAM, Interval
 from services.train_position.held import Held
 from services.train_position.instants import Instant
 
@@ -33,7 +33,7 @@ def message_of(held: Held, t_ns: int, ahead_ns: int = 0, late_s: float = 0.0) ->
     if odometry is not None and not held.blind and now is not None:
         nowhere = msgspec.structs.replace(
             nowhere,
-            speed_mps=odometry.speed_mps * held.makeup.sign,
+            speed_mps=odometry.speed_mps * held.makeup.sign + 0.0,  # no minus before a zero
             speed_bound_mps=now.speed_bound_mps if ahead_ns else odometry.speed_bound_mps,
             standstill=odometry.standstill and not ahead_ns,
             slip=odometry.slip,
@@ -81,7 +81,7 @@ def status_of(held: Held, places: Interval, late_s: float = 0.0) -> tuple[Positi
     """Status, and everything that speaks against a better one."""
     reasons: list[str] = []
     if held.belief.contradicted:
-        named = "; ".join(" and ".join(one.names) for one in held.belief.alternatives)
+        named = " against ".join(_people_read(one.names) for one in held.belief.alternatives)
         reasons.append(f"sources contradict each other ({named}): the train may be where either says")
     if not held.confirmed:
         reasons.append(held.unconfirmed)
@@ -99,6 +99,10 @@ def status_of(held: Held, places: Interval, late_s: float = 0.0) -> tuple[Positi
     if places.width_m > held.config.most_valid_m:
         reasons.append(f"the front end may be anywhere within {places.width_m:.0f} m")
     return ("degraded" if reasons else "valid"), "; ".join(reasons)
+
+
+def _people_read(names: tuple[str, ...]) -> str:
+    return ", ".join("satellites" if name == STREAM else name for name in names)
 
 
 def _of_odometry(held: Held, late_s: float) -> list[str]:

@@ -8,13 +8,14 @@ import pytest
 
 from benchmarks.position import known_start, scenario_of
 from benchmarks.whole_train import Chain, demo_landmarks, judge_of
-from schemas.position import TrainPosition
+from schemas.position import TrainChange, TrainPosition
 from services.landmark_matching.live_matching import LiveMatching
 from services.landmark_matching.settings import MatchSettings
 from services.simulator.motion_settings import Adhesion
 from services.simulator.train_scenario import Journey
 from services.train_position.evaluation import judge
 from services.train_position.positions_file import positions_of, truth_of
+from tests.unit.train_position.made_up import run_with
 
 START_M = 23_000.0
 """Two curves before the end of the demo line."""
@@ -84,3 +85,12 @@ def test_what_a_propelled_train_passes_is_where_its_sensors_are() -> None:
 def one_sided(position: TrainPosition) -> float:
     """How far a speed of rest may be below nought."""
     return position.speed_bound_mps or 0.0
+
+
+def test_a_train_at_rest_has_no_minus_before_its_speed() -> None:
+    run = run_with()
+    run.go(1.0)
+    run.hear(run.front_end())
+    run.hear(TrainChange(t_ns=run.t_ns, kind="cab", cab="B"))
+    run.go(0.1)
+    assert str(run.position.speed_mps) == "0.0"
