@@ -150,6 +150,9 @@ def evaluate(
         true, wheel = read_truth(truth), read_wheel_beside(truth)
         tracks = [read_motion(path) for path in motion]
         found = [judged(track, true, wheel) for track in tracks]
+        if plot is None and any((line, balises, matches, landmarks, positions)):
+            msg = "--line, --balises, --matches, --landmarks and --positions are for the picture: give --plot"
+            raise UsageError(msg)
         if plot is not None:
             from services.odometry_fusion.motion_plot import draw_motion
             from services.odometry_fusion.picture_command import (

@@ -155,6 +155,15 @@ def test_bad_files_are_named(folder: Path, files: dict[str, str], rows: str, cod
     assert not (folder / "c.svg").exists()
 
 
+def test_files_for_a_picture_want_one(folder: Path) -> None:
+    done = RUNNER.invoke(
+        app,
+        ["evaluate", "--motion", f"{folder}/wheel.csv", "--truth", f"{folder}/run/truth.csv", "--line", "line.json"],
+    )
+    assert done.exit_code == 2
+    assert "give --plot" in done.output
+
+
 def test_a_run_is_placed_by_what_was_accepted(folder: Path) -> None:
     run = read_matched_run(folder / "run", folder / "matches.csv", LANDMARKS, 8.0)
     assert [(one.kind, one.accepted) for one in run.matches] == [
