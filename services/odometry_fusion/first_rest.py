@@ -120,6 +120,8 @@ class FirstRest:
         self._begun_ns: int | None = None
         self._departed_ns: int | None = None
         self._forced_ns: int | None = None
+        self.begun_turning = False
+        """The wheel turned before anything showed a train at rest (`first_motion`)."""
         self.unsure_since_ns: int | None = None
         """Begin of what is not vouched for."""
 
@@ -212,6 +214,7 @@ class FirstRest:
         if abs(speed_mps) <= TURNING_MPS and self._departed_ns is None:
             return
         if self.state in {Rest.WAITING, Rest.SURE}:
+            self.begun_turning = self.state is Rest.WAITING
             self.state, self._done = Rest.SURE, True
             return
         if self._departed_ns is None:

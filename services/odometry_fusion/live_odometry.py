@@ -12,6 +12,7 @@ import numpy as np
 
 from schemas.motion import ImuBlock, Odometry, SlipEpisode, TachoBlock, WheelScale
 from services.odometry_fusion.axle_choice import AxleChoice
+from services.odometry_fusion.first_motion import FirstMotion
 from services.odometry_fusion.first_rest import UNVOUCHED, FirstRest, Rest, RestShaking, Shaking, stated_rest
 from services.odometry_fusion.fused_odometry import LARGEST_SCALE, FusedOdometry
 from services.odometry_fusion.methods import begin
@@ -43,6 +44,8 @@ class _Axle:
         self.buffer = SampleBuffer(device, counts)
         self.vehicle: tuple[float, float] | None = None
         self.step: OdometryStep | None = None
+        self.motion: FirstMotion | None = None
+        """While it is not vouched for because it turned when all began."""
 
 
 class LiveOdometry:
@@ -73,6 +76,10 @@ class LiveOdometry:
         self._rest = FirstRest(self._shaking.level)
         self._unvouched_m = 0.0
         self._stands = False
+
+    def _begin_anew(self) -> None:
+        self.counts["begun_anew"] += 1
+        self._begin()
 
     @property
     def devices(self) -> tuple[str | None, str | None]:
@@ -131,7 +138,11 @@ class LiveOdometry:
                 self._known = replace(self._known, wheel_scale=None, wheel_scale_sigma=0.0)
             self._begin()
             return self.take(block, device)
-        return self._due() if self._watch_rest(block, device) else []
+        found = self._due() if self._watch_rest(block, device) else []
+        if any(axle.motion is not None and axle.motion.over for axle in self._running):
+            # What was learned from a wheel that slipped is worth nothing.
+            self._begin_anew()
+        return found
 
     def _watch_rest(self, block: ImuBlock | TachoBlock, device: str) -> bool:
         """Whether rows may be given: not yet while a few samples more will tell whether the train stands.
@@ -154,8 +165,7 @@ class LiveOdometry:
             case _:
                 pass
         if rest.state is Rest.OVER:
-            self.counts["begun_anew"] += 1
-            self._begin()
+            self._begin_anew()
         return rest.state is not Rest.WAITING
 
     def _axle(self, device: str) -> _Axle | None:
@@ -209,6 +219,8 @@ class LiveOdometry:
                 continue
             vehicle = Vehicle(*axle.vehicle, self._config.imu_latency_s, self._config.max_gradient_permille)
             axle.step = begin(vehicle, self._config, self._known_of(axle))
+            if self._rest.begun_turning:
+                axle.motion = FirstMotion(self._config.imu_latency_s, self._shaking.level)
             self._running.append(axle)
 
     def _known_of(self, axle: _Axle) -> Remembered | None:
@@ -232,8 +244,15 @@ class LiveOdometry:
         until_s, imu_s = (self._due_ns - base_ns) / NS, _s(imu_ns, base_ns)
         rows: list[MotionRows] = []
         for axle, (times_ns, counts) in zip(self._running, counted, strict=True):
-            if axle.step is not None:
-                rows.append(axle.step.advance(until_s, imu_s, values, _s(times_ns, base_ns), counts))
+            if axle.step is None or axle.vehicle is None:
+                continue
+            given = axle.step.advance(until_s, imu_s, values, _s(times_ns, base_ns), counts)
+            if axle.motion is not None:
+                way_m = counts * math.pi * axle.vehicle[1] / axle.vehicle[0]
+                axle.motion.note(given)
+                axle.motion.take(imu_ns, values, times_ns, way_m)
+                given = axle.motion.vouched(given, base_ns)
+            rows.append(given)
         return self._messages(self._choice.advance(rows), base_ns)
 
     def _messages(self, rows: MotionRows, base_ns: int) -> list[Odometry | SlipEpisode]:

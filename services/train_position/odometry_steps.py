@@ -8,9 +8,9 @@ from schemas.message import Message
 from schemas.motion import Odometry
 from services.train_position.estimate import Estimate
 from services.train_position.held import Held
-from services.train_position.instants import Instant
+from services.train_position.instants import Instant, Sense
 from services.train_position.interruption import Interruption, advance
-from services.train_position.reliance import Reliance
+from services.train_position.reliance import BLINDLY, STANDING_MPS, Reliance
 from services.train_position.snapshot import Snapshot, Sure, restore
 from services.train_position.weighing import weigh
 
@@ -90,7 +90,8 @@ class OdometrySteps:
             if odometry.t_ns <= now.t_ns:
                 return None
             self._leave(held.reach.now or now)
-            return told + self._grope(odometry.t_ns)
+            blindly = held.doubted == BLINDLY and abs(odometry.speed_mps) > STANDING_MPS
+            return told + self._grope(odometry.t_ns, (1 if odometry.speed_mps > 0.0 else -1) if blindly else 0)
         moved = self._take(odometry, now)
         return None if moved is None else told + moved
 
@@ -222,11 +223,11 @@ class OdometrySteps:
         gained_mps = held.config.most_acceleration_mps2 * since_s
         held.reach.doubt_speed(before.speed_mps, before.speed_bound_mps + gained_mps)
 
-    def _grope(self, t_ns: int) -> list[Message]:
+    def _grope(self, t_ns: int, onward: Sense = 0) -> list[Message]:
         """Go on by physics alone; the place is lost when nothing has told it for too long."""
         held = self._held
         before = held.reach.now
-        held.reach.blind(t_ns)
+        held.reach.blind(t_ns, onward)
         now = held.reach.now
         if held.estimate is not None and before is not None and now is not None:
             held.estimate.move(before, now)

@@ -180,12 +180,15 @@ class Reach:
         doubt_m += now.provisional_m
         self._jump(odometry, mean_m, doubt_m, limit_m + now.provisional_m)
 
-    def blind(self, t_ns: int) -> None:
-        """Go on without odometry: speed by now is what it was, and what physics lets it become."""
-        self._turned_ns = t_ns
-        self._add(self.ahead(t_ns))
+    def blind(self, t_ns: int, onward: Sense = 0) -> None:
+        """Go on without odometry: speed by now is what it was, and what physics lets it become.
 
-    def ahead(self, t_ns: int) -> Instant:
+        `onward`: the way that the wheels turn: however they slip, the train does not move against them.
+        """
+        self._turned_ns = t_ns
+        self._add(self.ahead(t_ns, onward))
+
+    def ahead(self, t_ns: int, onward: Sense = 0) -> Instant:
         """The instant that physics alone leads to from the newest one."""
         now = self._instants[-1]
         dt_s = (t_ns - now.t_ns) / 1e9
@@ -195,7 +198,12 @@ class Reach:
         doubt_m = now.speed_bound_mps * dt_s + most * dt_s**2 / 2.0
         bound_mps = min(now.speed_bound_mps + most * dt_s, limit + abs(now.speed_mps))
         following = now._replace(t_ns=t_ns, speed_bound_mps=bound_mps)
-        return self._moved(following, now, mean_m, doubt_m, limit * dt_s)
+        moved = self._moved(following, now, mean_m, doubt_m, limit * dt_s)
+        if self.sense * onward > 0:
+            return moved._replace(least_m=max(moved.least_m, now.least_m))
+        if self.sense * onward < 0:
+            return moved._replace(greatest_m=min(moved.greatest_m, now.greatest_m))
+        return moved
 
     def doubt_speed(self, speed_mps: float, bound_mps: float) -> None:
         """Hold another speed at the newest instant, before `blind` goes on from it."""

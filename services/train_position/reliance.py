@@ -24,6 +24,7 @@ ROUGH_MPS: Final = 3.0
 BEGINNING_S: Final = 3.0
 """which lasts so long."""
 STANDING_MPS: Final = 0.3
+BLINDLY: Final = "it began under way, and its wheel has not been seen to adhere"
 
 
 class Reliance:
@@ -36,6 +37,9 @@ class Reliance:
         self._sure = SureInstants(self._physics)
         self._slipping = False
         self._began_ns = 0
+        self._origin = ""
+        self._first_ns = 0
+        """Origin of the odometry that was heard last, and when it was heard first."""
         self._unwell_ns: int | None = None
         """When it last said that sensors were missing while it saw no slip."""
         self._changes = held.changes
@@ -81,12 +85,22 @@ class Reliance:
         held = self._held
         if odometry.status != "valid" and odometry.slip == 0:
             self._unwell_ns = odometry.t_ns
+        blindly = BLINDLY if self._begins_blindly(odometry) else ""
         if odometry.origin == held.origin or (odometry.t_ns - now.t_ns) / 1e9 > held.config.longest_gap_s:
-            return ""
+            return blindly
         self._began_ns = odometry.t_ns
         if self._slipping:
             return "it began anew while the wheels slipped"
-        return "it began anew under way" if abs(now.speed_mps) > STANDING_MPS else ""
+        return "it began anew under way" if abs(now.speed_mps) > STANDING_MPS else blindly
+
+    def _begins_blindly(self, odometry: Odometry) -> bool:
+        """Whether an odometry that has just begun counts a way, and does not know the train's speed."""
+        if odometry.origin != self._origin:
+            self._origin, self._first_ns = odometry.origin, odometry.t_ns
+        just_begun = odometry.t_ns - self._first_ns < BEGINNING_S * 1e9
+        # It may not even know whether the train moves, though the wheels turn.
+        unknown = odometry.status != "valid" and odometry.speed_bound_mps > abs(odometry.speed_mps) + ROUGH_MPS
+        return just_begun and unknown and abs(odometry.speed_mps) > STANDING_MPS
 
     def against(self, odometry: Odometry, now: Instant) -> str:
         """Why what a message says, and the instant that it has led to, are not believed; empty when they are."""
@@ -140,7 +154,8 @@ class Reliance:
             if odometry.origin == before.origin and not leaps:
                 since_ns = began_ns
         self._calm = (since_ns, odometry)
-        if odometry.t_ns - since_ns < self._held.config.calm_s * 1e9:
+        unknown = odometry.speed_bound_mps > ROUGH_MPS
+        if unknown or odometry.t_ns - since_ns < self._held.config.calm_s * 1e9:
             return False
         self._sure.begin(None)
         self._slipping = False
