@@ -248,7 +248,7 @@ class LiveOdometry:
                 continue
             given = axle.step.advance(until_s, imu_s, values, _s(times_ns, base_ns), counts)
             if axle.motion is not None:
-                way_m = counts * math.pi * axle.vehicle[1] / axle.vehicle[0]
+                way_m = counts.astype(np.float64) * (math.pi * axle.vehicle[1] / axle.vehicle[0])
                 axle.motion.note(given)
                 axle.motion.take(imu_ns, values, times_ns, way_m)
                 given = axle.motion.vouched(given, base_ns)

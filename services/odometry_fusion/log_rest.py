@@ -21,6 +21,7 @@ from services.odometry_fusion.first_rest import (
     Shaking,
     shaking_of,
 )
+from services.odometry_fusion.log_motion import FirstSlip, contradicts, first_slip, vouched_before
 from services.odometry_fusion.motion_log import DEGRADED, LOST, VALID, Floats, MotionLog, MotionRows, columns_of
 
 BLOCK_S: Final = 0.1
@@ -61,12 +62,22 @@ def parts_of(log: MotionLog, run: Run, known: Shaking | None = None) -> list[Mot
         return [rows]
     doubt = _doubt_of(log, rows, known)
     if doubt is None:
-        return [rows]
+        slip = first_slip(log)
+        if slip is None or not contradicts(slip, log, rows):
+            return [rows]
+        return _parts_at(log, run, known, slip)
     begun = int(np.searchsorted(log.tacho_t_s, doubt.until_s))
     if not doubt.anew or len(log.tacho_t_s) - begun < 2:  # noqa: PLR2004 - a way needs two counts
         return [unvouched(rows, doubt)]
     at_s = float(log.tacho_t_s[begun])
     return [unvouched(run(_cut(log, -np.inf, at_s)), doubt), *parts_of(_cut(log, at_s, np.inf), run, known)]
+
+
+def _parts_at(log: MotionLog, run: Run, known: Shaking | None, slip: FirstSlip) -> list[MotionRows]:
+    """Two parts, or more: until the wheel has returned from the slip in which the log begins, and from there on."""
+    begun = int(np.searchsorted(log.tacho_t_s, slip.until_s))
+    at_s = float(log.tacho_t_s[begun])
+    return [vouched_before(run(_cut(log, -np.inf, at_s)), slip), *parts_of(_cut(log, at_s, np.inf), run, known)]
 
 
 def joined(parts: list[MotionRows]) -> MotionRows:
