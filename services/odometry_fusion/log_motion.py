@@ -2,7 +2,7 @@
 
 Once the wheel has adhered for a while, the inertial sensor tells backwards from there how fast the
 train was before, and so by how much the wheel was off when the log began. Where it was, odometry begins anew once the
-wheel has returned; the way until then is vouched for to within what it differs from the inertial sensor's.
+wheel has returned, and the way until then is the inertial sensor's, where the method's bound does not hold it.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ SETTLED_S: Final = 5.0
 SLIPPING_MPS: Final = 0.5
 SLIPPING_MPS2: Final = 0.06
 """A wheel that differs from the inertial sensor by more, and so much more per second between, slips."""
+START_M: Final = 2.0
 DOUBT_MPS: Final = 0.4
 DOUBT_MPS2: Final = 0.12
 DOUBT_MPS3: Final = 0.008
@@ -65,10 +66,10 @@ def first_slip(log: MotionLog) -> FirstSlip | None:
     ahead_mps = np.array([track.ahead_mps(at) for at in range(SPEED_TICKS, track.ticks)])
     if not np.isfinite(ahead_mps[: returned - SPEED_TICKS + LEVEL_TICKS]).all():
         return None
-    last = max(min(parted - PARTING_TICKS, returned) - SPEED_TICKS, 0)
+    last = max(min(parted - PARTING_TICKS, returned) - SPEED_TICKS, 0) if parted > FIRST_TICKS else 0
     slip_mps = _slip_of(ahead_mps, last, returned - SPEED_TICKS)
     # Until they first parted the wheel slipped as it did when the log began, or not at all.
-    first = max(last - SPEED_TICKS, 0) if parted > FIRST_TICKS else 0
+    first = max(last - SPEED_TICKS, 0)
     until_s = (returned - first) * TICK_S
     if abs(float(np.mean(slip_mps[first : first + SPEED_TICKS]))) <= SLIPPING_MPS + SLIPPING_MPS2 * until_s:
         return None
@@ -114,22 +115,38 @@ def contradicts(slip: FirstSlip, log: MotionLog, rows: MotionRows) -> bool:
     return bool((apart_m > rows.bound_m[within]).any())
 
 
-def vouched_before(rows: MotionRows, slip: FirstSlip) -> MotionRows:
-    """Rows until the wheel returned: the method may be right, or the inertial sensor backwards from there."""
-    gone_s = rows.t_s - slip.t_s[0]
-    before_s = slip.until_s - slip.t_s[0]
-    left_s = np.maximum(before_s - gone_s, 0.0)
-    doubt_mps = DOUBT_MPS + DOUBT_MPS2 * left_s + DOUBT_MPS3 * left_s**2
-    more_m = DOUBT_MPS * gone_s + DOUBT_MPS2 * (before_s**2 - left_s**2) / 2.0
-    more_m += DOUBT_MPS3 * (before_s**3 - left_s**3) / 3.0
-    more_m += np.abs(rows.distance_m - rows.distance_m[0] - np.interp(rows.t_s, slip.t_s, slip.way_m))
-    apart_mps = np.abs(rows.speed_mps - np.interp(rows.t_s, slip.t_s, slip.speed_mps))
-    unknown = np.full(len(rows), np.nan)
+def widened(rows: MotionRows, slip: FirstSlip) -> MotionRows:
+    """Rows of a method that has met the slip: until the wheel returned they are vouched for as the slip tells."""
+    apart_m = np.abs(rows.distance_m - rows.distance_m[0] - np.interp(rows.t_s, slip.t_s, slip.way_m))
+    lacking_m = apart_m + _doubt(rows.t_s, slip)[1] - rows.bound_m
+    more_m = np.where(rows.t_s <= slip.until_s, np.maximum(lacking_m, 0.0), 0.0)
+    wider = more_m > 0.0
     return replace(
         rows,
         bound_m=rows.bound_m + more_m,
         provisional_m=rows.provisional_m + more_m,
-        speed_bound_mps=rows.speed_bound_mps + apart_mps + doubt_mps,
+        status=np.where(wider & (rows.status != LOST), DEGRADED, rows.status).astype(np.int8),
+        reason=np.where(wider, len(rows.reasons), rows.reason).astype(np.int16),
+        reasons=(*rows.reasons, UNSEEN),
+    )
+
+
+def corrected(rows: MotionRows, slip: FirstSlip) -> MotionRows:
+    """Rows until the wheel returned, by the inertial sensor backwards from there."""
+    doubt_mps, doubt_m = _doubt(rows.t_s, slip)
+    moved_m = np.interp(rows.t_s, slip.t_s, slip.way_m)
+    speed_mps = np.interp(rows.t_s, slip.t_s, slip.speed_mps)
+    way_m = np.r_[0.0, np.cumsum(np.abs(np.diff(moved_m)))]
+    unknown = np.full(len(rows), np.nan)
+    return replace(
+        rows,
+        distance_m=rows.distance_m[0] + moved_m,
+        way_m=way_m,
+        speed_mps=speed_mps,
+        speed_bound_mps=rows.share_bound * np.abs(speed_mps) + doubt_mps,
+        bound_m=rows.share_bound * way_m + doubt_m,
+        excess_m=np.zeros(len(rows)),
+        provisional_m=doubt_m,
         status=np.where(rows.status == LOST, LOST, DEGRADED).astype(np.int8),
         reason=np.full(len(rows), len(rows.reasons), np.int16),
         reasons=(*rows.reasons, UNSEEN),
@@ -137,6 +154,15 @@ def vouched_before(rows: MotionRows, slip: FirstSlip) -> MotionRows:
         curvature_sigma_per_m=unknown,
         curvature_distance_m=unknown,
     )
+
+
+def _doubt(t_s: Floats, slip: FirstSlip) -> tuple[Floats, Floats]:
+    """What the inertial speed, and the way by it, are known to at instants until the wheel returned."""
+    before_s = slip.until_s - slip.t_s[0]
+    left_s = np.clip(slip.until_s - t_s, 0.0, before_s)
+    doubt_mps = DOUBT_MPS + DOUBT_MPS2 * left_s + DOUBT_MPS3 * left_s**2
+    doubt_m = START_M + DOUBT_MPS * (t_s - slip.t_s[0]) + DOUBT_MPS2 * (before_s**2 - left_s**2) / 2.0
+    return doubt_mps, doubt_m + DOUBT_MPS3 * (before_s**3 - left_s**3) / 3.0
 
 
 def _track_of(log: MotionLog) -> MotionTrack | None:

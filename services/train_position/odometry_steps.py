@@ -10,7 +10,7 @@ from services.train_position.estimate import Estimate
 from services.train_position.held import Held
 from services.train_position.instants import Instant, Sense
 from services.train_position.interruption import Interruption, advance
-from services.train_position.reliance import BLINDLY, STANDING_MPS, Reliance
+from services.train_position.reliance import BLINDLY, ROUGH_MPS, Reliance
 from services.train_position.snapshot import Snapshot, Sure, restore
 from services.train_position.weighing import weigh
 
@@ -90,8 +90,7 @@ class OdometrySteps:
             if odometry.t_ns <= now.t_ns:
                 return None
             self._leave(held.reach.now or now)
-            blindly = held.doubted == BLINDLY and abs(odometry.speed_mps) > STANDING_MPS
-            return told + self._grope(odometry.t_ns, (1 if odometry.speed_mps > 0.0 else -1) if blindly else 0)
+            return told + self._grope(odometry.t_ns, _onward(odometry) if held.doubted == BLINDLY else 0)
         moved = self._take(odometry, now)
         return None if moved is None else told + moved
 
@@ -292,6 +291,13 @@ class OdometrySteps:
             return
         scale = held.scale_now()
         held.estimate.confine(places.least_m, places.greatest_m, scale.least, scale.greatest)
+
+
+def _onward(odometry: Odometry) -> Sense:
+    """The way that the wheels turn, for sure: in a slip an odometry may tell another speed than theirs."""
+    if odometry.slip != 0 or abs(odometry.speed_mps) < ROUGH_MPS:
+        return 0
+    return 1 if odometry.speed_mps > 0.0 else -1
 
 
 def _absurd(odometry: Odometry) -> str:

@@ -155,7 +155,9 @@ class Reliance:
                 since_ns = began_ns
         self._calm = (since_ns, odometry)
         unknown = odometry.speed_bound_mps > ROUGH_MPS
-        if unknown or odometry.t_ns - since_ns < self._held.config.calm_s * 1e9:
+        # A train that stands for sure knows its speed.
+        stands = self._held.doubted == BLINDLY and odometry.standstill and odometry.status == "valid"
+        if not stands and (unknown or odometry.t_ns - since_ns < self._held.config.calm_s * 1e9):
             return False
         self._sure.begin(None)
         self._slipping = False
