@@ -1,8 +1,8 @@
 """Whether a motion log begins under way with a wheel that slips already, by what comes after: `first_motion` for files.
 
-Once the wheel has adhered for a while, the inertial sensor tells backwards from there how fast the
-train was before, and so by how much the wheel was off when the log began. Where it was, odometry begins anew once the
-wheel has returned, and the way until then is the inertial sensor's, where the method's bound does not hold it.
+Once the wheel has adhered for a while, the inertial sensor tells backwards from there how fast the train was before,
+and so by how much the wheel was off when the log began. Until the wheel has returned, what is vouched for takes in
+the way by the inertial sensor; where the method's own bound does not, odometry begins anew with the wheel's return.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from services.odometry_fusion.first_motion import CALM_S as FIRST_CALM_S
 from services.odometry_fusion.first_motion import UNSEEN
-from services.odometry_fusion.first_rest import TURNING_MPS
+from services.odometry_fusion.first_rest import TURNING_MPS, Shaking, limits_of
 from services.odometry_fusion.motion_log import DEGRADED, LOST, Floats, MotionLog, MotionRows
 from services.odometry_fusion.motion_track import APART_TICKS, SPEED_TICKS, TICK_S, MotionTrack
 
@@ -29,14 +29,13 @@ FIRST_TICKS: Final = SPEED_TICKS + 2 * APART_TICKS
 PARTING_TICKS: Final = 10
 """So long after it began a parting shows at the latest."""
 LEVEL_TICKS: Final = 100
-LEAST_LEVEL_TICKS: Final = 20
+LEAST_LEVEL_TICKS: Final = 40
 """From so many ticks without parting, at least, the inertial sensor's even share is taken."""
 SETTLED_S: Final = 5.0
 """After a slip a method has made up its mind."""
 SLIPPING_MPS: Final = 0.5
 SLIPPING_MPS2: Final = 0.06
 """A wheel that differs from the inertial sensor by more, and so much more per second between, slips."""
-START_M: Final = 2.0
 DOUBT_MPS: Final = 0.4
 DOUBT_MPS2: Final = 0.12
 DOUBT_MPS3: Final = 0.008
@@ -56,10 +55,13 @@ class FirstSlip:
     speed_mps: Floats
 
 
-def first_slip(log: MotionLog) -> FirstSlip | None:
-    """The slip with which a log begins; None where it begins at rest, or the wheel adheres, or nothing tells."""
+def first_slip(log: MotionLog, rest: Shaking | None = None) -> FirstSlip | None:
+    """The slip with which a log begins; None where it begins at rest, or the wheel adheres, or nothing tells.
+
+    `rest`: what the inertial sensor shows at rest.
+    """
     track = _track_of(log)
-    found = None if track is None else _returned(track)
+    found = None if track is None else _returned(track, limits_of(rest))
     if track is None or found is None:
         return None
     parted, returned = found
@@ -131,22 +133,17 @@ def widened(rows: MotionRows, slip: FirstSlip) -> MotionRows:
     )
 
 
-def corrected(rows: MotionRows, slip: FirstSlip) -> MotionRows:
-    """Rows until the wheel returned, by the inertial sensor backwards from there."""
-    doubt_mps, doubt_m = _doubt(rows.t_s, slip)
-    moved_m = np.interp(rows.t_s, slip.t_s, slip.way_m)
-    speed_mps = np.interp(rows.t_s, slip.t_s, slip.speed_mps)
-    way_m = np.r_[0.0, np.cumsum(np.abs(np.diff(moved_m)))]
+def vouched_before(rows: MotionRows, slip: FirstSlip) -> MotionRows:
+    """Rows until the wheel returned: the method may be right, or the inertial sensor backwards from there."""
+    doubt_mps, more_m = _doubt(rows.t_s, slip)
+    more_m += np.abs(rows.distance_m - rows.distance_m[0] - np.interp(rows.t_s, slip.t_s, slip.way_m))
+    apart_mps = np.abs(rows.speed_mps - np.interp(rows.t_s, slip.t_s, slip.speed_mps))
     unknown = np.full(len(rows), np.nan)
     return replace(
         rows,
-        distance_m=rows.distance_m[0] + moved_m,
-        way_m=way_m,
-        speed_mps=speed_mps,
-        speed_bound_mps=rows.share_bound * np.abs(speed_mps) + doubt_mps,
-        bound_m=rows.share_bound * way_m + doubt_m,
-        excess_m=np.zeros(len(rows)),
-        provisional_m=doubt_m,
+        bound_m=rows.bound_m + more_m,
+        provisional_m=rows.provisional_m + more_m,
+        speed_bound_mps=rows.speed_bound_mps + apart_mps + doubt_mps,
         status=np.where(rows.status == LOST, LOST, DEGRADED).astype(np.int8),
         reason=np.full(len(rows), len(rows.reasons), np.int16),
         reasons=(*rows.reasons, UNSEEN),
@@ -161,7 +158,7 @@ def _doubt(t_s: Floats, slip: FirstSlip) -> tuple[Floats, Floats]:
     before_s = slip.until_s - slip.t_s[0]
     left_s = np.clip(slip.until_s - t_s, 0.0, before_s)
     doubt_mps = DOUBT_MPS + DOUBT_MPS2 * left_s + DOUBT_MPS3 * left_s**2
-    doubt_m = START_M + DOUBT_MPS * (t_s - slip.t_s[0]) + DOUBT_MPS2 * (before_s**2 - left_s**2) / 2.0
+    doubt_m = DOUBT_MPS * (t_s - slip.t_s[0]) + DOUBT_MPS2 * (before_s**2 - left_s**2) / 2.0
     return doubt_mps, doubt_m + DOUBT_MPS3 * (before_s**3 - left_s**3) / 3.0
 
 
@@ -190,7 +187,7 @@ def _turns(t_s: Floats, way_m: Floats) -> bool:
     return abs(gone_m) > TURNING_MPS * SPEED_TICKS * TICK_S
 
 
-def _returned(track: MotionTrack) -> tuple[int, int] | None:
+def _returned(track: MotionTrack, limits: Shaking) -> tuple[int, int] | None:
     """Tick at which rim and inertial sensor first parted, and the one from which on the wheel has adhered.
 
     None where it has from the beginning, or never does.
@@ -199,8 +196,9 @@ def _returned(track: MotionTrack) -> tuple[int, int] | None:
     parted = SPEED_TICKS
     calm_since = SPEED_TICKS
     for at in range(SPEED_TICKS, track.ticks):
-        turns = abs(track.rim_mps(at)) > TURNING_MPS
-        if not turns or track.parts(at):
+        # A wheel that stands may be locked, unless the train stands, too.
+        sound = abs(track.rim_mps(at)) > TURNING_MPS or track.shaking[at].within(limits)
+        if not sound or track.parts(at):
             first = at if first is None else first
             parted, calm_since = at, at
         calm_s = (at - calm_since) * TICK_S

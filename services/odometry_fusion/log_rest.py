@@ -21,7 +21,7 @@ from services.odometry_fusion.first_rest import (
     Shaking,
     shaking_of,
 )
-from services.odometry_fusion.log_motion import FirstSlip, contradicts, corrected, first_slip, widened
+from services.odometry_fusion.log_motion import FirstSlip, contradicts, first_slip, vouched_before, widened
 from services.odometry_fusion.motion_log import DEGRADED, LOST, VALID, Floats, MotionLog, MotionRows, columns_of
 
 BLOCK_S: Final = 0.1
@@ -62,7 +62,7 @@ def parts_of(log: MotionLog, run: Run, known: Shaking | None = None) -> list[Mot
         return [rows]
     doubt = _doubt_of(log, rows, known)
     if doubt is None:
-        slip = first_slip(log)
+        slip = first_slip(log, known or _level_at_stops(log, rows))
         if slip is None:
             return [rows]
         return _parts_at(log, run, known, slip) if contradicts(slip, log, rows) else [widened(rows, slip)]
@@ -77,7 +77,7 @@ def _parts_at(log: MotionLog, run: Run, known: Shaking | None, slip: FirstSlip) 
     """Two parts, or more: until the wheel has returned from the slip in which the log begins, and from there on."""
     begun = int(np.searchsorted(log.tacho_t_s, slip.until_s))
     at_s = float(log.tacho_t_s[begun])
-    return [corrected(run(_cut(log, -np.inf, at_s)), slip), *parts_of(_cut(log, at_s, np.inf), run, known)]
+    return [vouched_before(run(_cut(log, -np.inf, at_s)), slip), *parts_of(_cut(log, at_s, np.inf), run, known)]
 
 
 def joined(parts: list[MotionRows]) -> MotionRows:
