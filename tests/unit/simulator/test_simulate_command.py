@@ -8,7 +8,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from schemas.topic import Place
 from services.simulator.command import fault, simulate
+from services.simulator.fault_command import nobody_there
 from services.simulator.live_command import profile_text
 from services.simulator.motion_log import simulate_motion_log
 from services.simulator.motion_settings import Driving, MotionSettings
@@ -74,6 +76,13 @@ def test_a_journey_without_a_stop_ahead_is_refused(tmp_path: Path) -> None:
     code, text = run("simulate", str(path), "--out", str(tmp_path / "run"))
     assert (code, (tmp_path / "run").exists()) == (2, False)
     assert "no stop is more than the train's length" in text.replace("\n", " ")
+
+
+def test_a_fault_of_a_train_that_does_not_run_names_those_that_do() -> None:
+    alive = {"demo/train/T1/simulator", "demo/train/T2/simulator", "demo/train/T2/train_position"}
+    said = nobody_there(Place("demo", "train", "T9"), alive)
+    assert said == "no simulator of demo/train/T9 is running; there are: T1, T2 (--train, --line)"
+    assert "none is on line demo" in nobody_there(Place("demo", "train", "T1"), set())
 
 
 def test_trains_of_a_fleet_share_the_first_one_s_router() -> None:
