@@ -82,6 +82,8 @@ def import_log(
     except (ImportFileError, ValueError, OSError) as error:
         typer.echo(f"kirotei: {error}", err=True)
         raise typer.Exit(1) from error
+    for note in run.notes:
+        typer.echo(f"note: {note}", err=True)
     seconds = run.imu_t_s[-1] - run.imu_t_s[0]
     typer.echo(f"{out}: {seconds:.1f} s, {len(run.imu_t_s)} inertial samples, {len(run.tacho_t_s)} counts")
 

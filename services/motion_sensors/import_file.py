@@ -59,6 +59,8 @@ class Recording:
     wheel_diameter_m: float
     truth: tuple[Floats, Floats, Floats] | None = None
     """Time, distance and speed, where the recording knows better than its wheels."""
+    notes: tuple[str, ...] = ()
+    """What was left out."""
 
 
 def read_comma2k19(segment: Path) -> Recording:
@@ -101,9 +103,10 @@ def read_tables(
     wheel_diameter_m: float = WHEEL_M,
 ) -> Recording:
     """Two CSV tables. Column names by `t`, `ax` … `gz`, and `t` with `pulses` or `speed`. Raises ImportFileError."""
-    imu = read_columns(imu_path, imu_columns, ("t", "ax", "ay", "az", "gx", "gy", "gz"))
+    imu, imu_note = _rows(imu_path, imu_columns, ("t", "ax", "ay", "az", "gx", "gy", "gz"))
     named = "pulses" if "pulses" in tacho_columns else "speed"
-    tacho = read_columns(tacho_path, tacho_columns, ("t", named))
+    tacho, tacho_note = _rows(tacho_path, tacho_columns, ("t", named))
+    notes = tuple(note for note in (imu_note, tacho_note) if note)
     zero = min(float(imu[0, 0]), float(tacho[0, 0]))
     forces = imu[:, 1:4] * UNITS[force_unit] @ rotation.T
     rates = imu[:, 4:7] * UNITS[rate_unit] @ rotation.T
@@ -111,11 +114,10 @@ def read_tables(
     tacho_t = (tacho[:, 0] - zero) * time_scale
     if named == "speed":
         counted_t, pulses = pulses_of_speed(tacho_t, tacho[:, 1] * UNITS[speed_unit])
-        return Recording(imu_t, six, counted_t, pulses, PULSES, WHEEL_M)
+        return Recording(imu_t, six, counted_t, pulses, PULSES, WHEEL_M, notes=notes)
     counted_t, counts = _rising(tacho_t, tacho[:, 1:])
-    return Recording(
-        imu_t, six, counted_t, np.rint(counts[:, 0]).astype(np.int64), pulses_per_revolution, wheel_diameter_m
-    )
+    pulses = np.rint(counts[:, 0]).astype(np.int64)
+    return Recording(imu_t, six, counted_t, pulses, pulses_per_revolution, wheel_diameter_m, notes=notes)
 
 
 def pulses_of_speed(t_s: Floats, speed_mps: Floats) -> tuple[Floats, NDArray[np.int64]]:
@@ -196,6 +198,11 @@ def _array(path: Path, largest: float) -> NDArray[np.float64]:
 
 def read_columns(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> NDArray[np.float64]:
     """Wanted columns as numbers, rows with anything else left out."""
+    return _rows(path, names, wanted)[0]
+
+
+def _rows(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> tuple[NDArray[np.float64], str]:
+    """Wanted columns as numbers, and in words how many rows with anything else were left out."""
     missing = [one for one in wanted if one not in names]
     if missing:
         msg = f"{path}: say which column is {', '.join(missing)}"
@@ -212,7 +219,7 @@ def read_columns(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> 
             skiprows=skip,
             header=True,
             dtype={names[one]: "DOUBLE" for one in wanted},
-            ignore_errors=True,
+            store_rejects=True,
             null_padding=True,
         )
         missing = [names[one] for one in wanted if names[one] not in relation.columns]
@@ -220,6 +227,7 @@ def read_columns(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> 
             msg = f"{path}: no column {', '.join(missing)} among {', '.join(relation.columns)}"
             raise ImportFileError(msg)
         rows = relation.fetchnumpy()
+        rejected = connection.execute("select count(distinct line), min(line) from reject_errors").fetchone()
     except duckdb.Error as error:
         msg = f"{path}: {str(error).splitlines()[0]}"
         raise ImportFileError(msg) from error
@@ -228,12 +236,16 @@ def read_columns(path: Path, names: dict[str, str], wanted: tuple[str, ...]) -> 
     table = np.stack(
         [np.ma.filled(np.ma.asarray(one, np.float64), np.nan) for one in (rows[names[name]] for name in wanted)], axis=1
     )
+    whole = len(table)
     most = np.array([LARGEST_BY_NAME.get(name, LARGEST) for name in wanted])
     table = table[(np.abs(table) <= most).all(axis=1)]
     if len(table) < 2:  # noqa: PLR2004 - a run has a beginning and an end
         msg = f"{path}: no rows of numbers in the columns {', '.join(names[one] for one in wanted)}"
         raise ImportFileError(msg)
-    return table
+    count, first = rejected or (0, None)
+    left_out = count + whole - len(table)
+    where = f", line {first} for one" if first else ""
+    return table, f"{path}: {left_out} rows that are no measurements left out{where}" if left_out else ""
 
 
 def _rising(t_s: Floats, values: NDArray[np.float64]) -> tuple[Floats, NDArray[np.float64]]:

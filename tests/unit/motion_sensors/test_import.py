@@ -58,7 +58,7 @@ def test_tables_with_their_own_names_units_and_axes(tmp_path: Path) -> None:
     (tmp_path / "imu.csv").write_text(
         "sep=,\nStamp,AX,AY,AZ,GX,GY,GZ,more\n"
         + "".join(f"{10 * k},0.05,0.025,-1.0,9,0,-4.5,x\n" for k in range(500))
-        + "broken,,,,,,,\n"
+        + "broken,,,,,,,\n5000,0,0,1e300,0,0,0,x\n"
     )
     (tmp_path / "wheel.csv").write_text("Stamp,kmh\n" + "".join(f"{100 * k},36\n" for k in range(51)))
     code, said = call(
@@ -67,6 +67,7 @@ def test_tables_with_their_own_names_units_and_axes(tmp_path: Path) -> None:
         "--axes", "x,-y,-z", "--time-scale", 0.001, "--force-unit", "g", "--rate-unit", "dps", "--speed-unit", "kmh",
     )  # fmt: skip
     assert code == 0, said
+    assert "imu.csv: 2 rows that are no measurements left out, line 503 for one" in said.replace("\n", "")
     log = read_motion_log(tmp_path / "log").log
     nine = np.pi / 20
     assert log.imu[3] == pytest.approx([0.4903325, -0.24516625, 9.80665, nine, 0.0, nine / 2])
