@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from services.runtime.progress import progress_of
 from services.runtime.told_command import UsageError, told
 
 if TYPE_CHECKING:
@@ -231,7 +232,12 @@ def survey(
         starts = _starts(len(logs), start_axis, direction, branch, start_bound, sensor_behind_front)
         known = _known(line, None, starts)
         runs = list(zip(names, logs, starts, strict=True))
-        found = merge([one for run in runs for one in _surveyed(*run, known, _method(method))])
+        surveyed = []
+        with progress_of("landmarks survey") as tell:
+            for number, run in enumerate(runs, 1):
+                surveyed += _surveyed(*run, known, _method(method))
+                tell(number / len(runs))
+        found = merge(surveyed)
         if not found:
             msg = "no curve of the line was recognised in these runs"
             raise ValueError(msg)

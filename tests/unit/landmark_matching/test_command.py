@@ -103,6 +103,7 @@ def test_a_run_that_is_nowhere_on_the_line_is_left_out_by_name(run: tuple[Path, 
     result = RUNNER.invoke(app, ["survey", str(folder), str(lost), "--line", "demo", "--out", str(out), "--json"])
     assert result.exit_code == 0, result.output
     assert "elsewhere/run1 left out: the curvature does not tell where the run is" in result.stderr
+    assert "landmarks survey: 100 %" in result.stderr
     assert "C29-up" in json.loads(result.stdout)["not_surveyed"]
     assert json.loads(out.read_text("utf-8"))["evidence"] == [f"{folder.parent.name}/run1"]
 
