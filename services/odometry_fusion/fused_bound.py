@@ -15,8 +15,11 @@ import numpy as np
 
 from services.numerics.kernel import kernel
 from services.odometry_fusion.fused_layout import ADHERING, Branches, D, Record, V, W
+from services.odometry_fusion.fused_turn import FORWARDS
 
 FACTOR: Final = 4.0
+LOOSE_FACTOR: Final = 8.0
+"""Likewise, where the inertial speed was hardly known when a slip ended, of a sensor that looks forward."""
 LEFT_M: Final = 0.5
 """What every episode leaves beside its variance: the start point is one of several."""
 LIKELY_LOG: Final = -7.0
@@ -55,12 +58,11 @@ beyond it."""
 def provisional(branches: Branches, now: Record) -> float:
     """What is not settled adds for now [m]."""
     best = branches.x[now.best]
-    gained = max(0.0, branches.p[now.best, D, D] - now.settled_var)
     apart_m = 0.0
     for i in range(now.branches):
         if branches.about[i].log_weight > LIKELY_LOG:
             apart_m = max(apart_m, abs(branches.x[i, D] - best[D]))
-    return float(FACTOR * np.sqrt(gained) + apart_m + doubted(branches, now))
+    return float(FACTOR * np.sqrt(gained_variance(branches, now)) + apart_m + doubted(branches, now))
 
 
 @kernel
@@ -72,6 +74,9 @@ def contested(branches: Branches, now: Record, dt_s: float) -> float:
     own = branches.about[now.best]
     if own.mode == ADHERING:
         return doubted(branches, now)
+    apart_m = float(CONTESTED_M + CONTESTED_FACTOR * max(abs(lost_way(branches, now)), own.apart_m))
+    if own.facing == FORWARDS:
+        return float(own.doubt_m + min(apart_m, _drifted(branches, now, dt_s)))
     tame_s = (now.tick - max(now.wild_tick, own.slip_since)) * dt_s
     known_s = (now.tick - own.since) * dt_s
     never_wild = now.wild_tick < own.slip_since - WILD_BEFORE_TICKS
@@ -80,15 +85,35 @@ def contested(branches: Branches, now: Record, dt_s: float) -> float:
     if broken_late or (tame_s > TAME_S and abs(now.rim_mps) > TURNING_MPS):
         own.tame = 1
     if long or never_wild or own.tame:
-        return float(CONTESTED_M + CONTESTED_FACTOR * abs(lost_way(branches, now)) + own.doubt_m)
+        return float(apart_m + own.doubt_m)
     return float(own.doubt_m)
+
+
+@kernel
+def _drifted(branches: Branches, now: Record, dt_s: float) -> float:
+    """How far the inertial way may have drifted in a long slip [m]: the filter's own account is believed ever less."""
+    known_s = (now.tick - branches.about[now.best].since) * dt_s
+    if known_s < LONG_SLIP_S:
+        return 0.0
+    return float((known_s / LONG_SLIP_S) ** 2 * FACTOR * np.sqrt(gained_variance(branches, now)))
 
 
 @kernel
 def doubted(branches: Branches, now: Record) -> float:
     """What wheel and inertial sensor disagreed on in slips that ended without either being confirmed [m]."""
     own = branches.about[now.best]
-    return float(own.doubt_m + (abs(lost_way(branches, now)) if own.free else 0.0))
+    if not own.free:
+        return float(own.doubt_m)
+    apart_m = max(abs(lost_way(branches, now)), own.apart_m)
+    if own.facing == FORWARDS:
+        apart_m = min(apart_m, LOOSE_FACTOR * np.sqrt(gained_variance(branches, now)))
+    return float(own.doubt_m + apart_m)
+
+
+@kernel
+def gained_variance(branches: Branches, now: Record) -> float:
+    """What the variance of the distance has gained since all was settled [m²]."""
+    return float(max(0.0, branches.p[now.best, D, D] - now.settled_var))
 
 
 @kernel

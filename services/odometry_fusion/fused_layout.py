@@ -62,6 +62,9 @@ BRANCH: Final[np.dtype[Any]] = np.dtype([
     ("shown", np.int64),
     # in its latest slip the rim has long run as a train does
     ("tame", np.int64),
+    # `fused_turn`: the slip that it looks at, and what it has found
+    ("turn_since", np.int64),
+    ("facing", np.int64),
     *(
         (name, np.float64)
         for name in (
@@ -78,6 +81,28 @@ BRANCH: Final[np.dtype[Any]] = np.dtype([
             "doubt_m",
             # largest variance of its speed in its latest slip
             "loose_var",
+            # `fused_turn`: since the slip began, of a sensor turned by any angle, what goes with its cosine (c), its
+            # sine (s), and neither: pitch and roll [rad], roll over time [rad s], speed forwards [m/s]
+            "pitch_c",
+            "pitch_s",
+            "pitch_1",
+            "roll_c",
+            "roll_s",
+            "roll_1",
+            "rolled_c",
+            "rolled_s",
+            "rolled_1",
+            "ahead_c",
+            "ahead_s",
+            "ahead_1",
+            # what x and y have shown [m/s], and what a curve adds to y at the rim's speed and at the account's [m/s]
+            "shown_x_mps",
+            "shown_y_mps",
+            "curved_rim_mps",
+            "curved_mps",
+            "first_rim_mps",
+            # way on which rim and account have been apart in its latest slip, either way [m]
+            "apart_m",
         )
     ),
 ])  # fmt: skip
@@ -196,6 +221,8 @@ NOW: Final[np.dtype[Any]] = np.dtype([
             "left_turned",
             "right_turned",
             "not_turned",
+            # the most of it since sensors last contradicted each other
+            "shown",
             # `fused_rim`
             "fast_rim_mps",
             "train_mps",

@@ -44,6 +44,7 @@ from services.odometry_fusion.fused_layout import (
     V,
     W,
 )
+from services.odometry_fusion.fused_turn import watch_turns
 from services.odometry_fusion.motion_log import DEGRADED, LOST, PERIOD_S, VALID
 from services.odometry_fusion.tick_layout import Records
 
@@ -103,6 +104,7 @@ def publish(
         first_m = FIRST_SHARE * abs(tick.wheel_speed_mps) + FIRST_SLIP_M if moves else 0.0
         _bound(rule, now, first_m, first_m, UNCONFIRMED if moves else FINE, DEGRADED if moves else VALID, out)
         return count
+    watch_turns(tick, now, branches, blind or silent, PERIOD_S)
     _calm(now, blind, silent)
     settle(branches, now)
     own_up(branches, now, PERIOD_S)
