@@ -149,14 +149,14 @@ def _follow(tick: Record, rule: Record, now: Record, branches: Branches, blind: 
             own.log_weight -= BACKWARDS_LOG
         own.log_weight += correct(x, p, W, residual_m, variance) - own.first * PERIOD_S / FIRST_SLIP_S
         if stands:
-            owned_m = _rest(x, p, own, tick, now)
+            owned_m = rest(x, p, own, tick, now)
             now.excess_m += owned_m * (i == now.best)
     tick.ax_mps2, tick.gx_radps, tick.gy_radps, tick.gz_radps = ax_mps2, gx_radps, gy_radps, gz_radps
     return stands
 
 
 @kernel
-def _rest(x: Floats, p: Floats, own: Record, tick: Record, now: Record) -> float:
+def rest(x: Floats, p: Floats, own: Record, tick: Record, now: Record) -> float:
     """Speed and pitch rate are nought at rest: speed, bias and attitude are reset; gives what is to be owned [m].
 
     Not for an account of a train that slides on over wheels that stand.

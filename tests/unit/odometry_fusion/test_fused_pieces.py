@@ -44,10 +44,9 @@ from services.odometry_fusion.fused_layout import (
     W,
 )
 from services.odometry_fusion.fused_noise import watch_walk
-from services.odometry_fusion.fused_odometry import FusedOdometry
 from services.odometry_fusion.fused_origin import begin_branches, begin_now
 from services.odometry_fusion.fused_rim import watch_rim
-from services.odometry_fusion.fused_settings import FusedSettings
+from services.odometry_fusion.fused_step import RESTING_LOG, rest
 from services.odometry_fusion.inertial_window import next_roll, next_variance
 from services.odometry_fusion.motion_log import Floats, Vehicle
 from services.odometry_fusion.standstill import STILL_TICKS, watch_standstill
@@ -293,24 +292,15 @@ def test_what_micro_slip_before_the_start_point_did_to_speed_and_gradient_is_tak
 
 
 def test_a_wheel_that_stands_under_a_standing_train_no_longer_slips() -> None:
-    vehicle = Vehicle(90.0, 0.816, 0.0, 35.0)
-    step = FusedOdometry(vehicle, FusedSettings())
-    t_s = 0.1 * np.arange(1.0, 401.0)
-    # At 10 m/s for 20 s, braked by 1 m/s² to rest at 30 s; from 26 s the wheel drags behind by up to 0.8 m/s.
-    speed = np.clip(30.0 - t_s, 0.0, 10.0)
-    slip = np.where((t_s > 26.0) & (t_s < 30.0), np.minimum(0.8, 0.4 * (t_s - 26.0)), 0.0)
-    way_m = np.cumsum(np.maximum(speed - slip, 0.0)) * 0.1
-    pulses = np.floor(way_m / vehicle.metres_per_pulse).astype(np.int64)
-    imu_t_s = 0.01 * np.arange(1.0, 4001.0)
-    imu = np.zeros((4000, 6))
-    imu[:, 0] = np.where((imu_t_s > 20.0) & (imu_t_s < 30.0), -1.0, 0.0)
-    imu[:, 2] = GRAVITY_MPS2
-    imu += np.random.default_rng(3).normal(0.0, 1.0, imu.shape) * np.array([0.02, 0.02, 0.02, 5e-4, 5e-4, 5e-4])
-    rows = step.advance(40.0, imu_t_s, imu, t_s, pulses)
-    told_s = rows.t_s[rows.slip != 0]
-    assert len(told_s)
-    # Seen to stand after 1.3 s, and held for 2.5 s; two more for the accounts of a slip to fade.
-    assert told_s[-1] < 30.0 + 1.3 + 2.5 + 2.0
+    """Nor does an account of a train that slides on over standing wheels lose, or one of wheels that adhere."""
+    for account, speed_mps, lost in ((1, 0.1, RESTING_LOG), (1, 8.0, 0.0), (0, 0.1, 0.0)):
+        branches, now = fresh(speed_mps)
+        begin_slip(branches, 0, 1, 0, 0.0)
+        own = branches.about[account : account + 1]
+        before = float(own["log_weight"][0])
+        branches.p[account, V, V] = 0.05**2
+        rest(branches.x[account], branches.p[account], own[0], tick_of()[0], now[0])
+        assert before - float(own["log_weight"][0]) == pytest.approx(lost)
 
 
 def test_the_adhering_account_survives_any_number_of_better_ones() -> None:
