@@ -176,9 +176,7 @@ class Reach:
         doubt_m += change_mps * dt_s / 2.0 if reach_m < 0.0 else 0.0
         limit_m = self._physics.speed_mps * dt_s
         self.share = max(self.share, odometry.share_bound)
-        # The provisional part of the old origin stays in the sums: its episode will not end under this name.
-        doubt_m += now.provisional_m
-        self._jump(odometry, mean_m, doubt_m, limit_m + now.provisional_m)
+        self._jump(odometry, mean_m, doubt_m, limit_m)
 
     def blind(self, t_ns: int, onward: Sense = 0) -> None:
         """Go on without odometry: speed by now is what it was, and what physics lets it become.
@@ -190,7 +188,7 @@ class Reach:
 
     def ahead(self, t_ns: int, onward: Sense = 0) -> Instant:
         """The instant that physics alone leads to from the newest one."""
-        now = self._instants[-1]
+        now = _settled(self._instants[-1])
         dt_s = (t_ns - now.t_ns) / 1e9
         most = self._physics.acceleration_mps2
         limit = self._physics.speed_mps
@@ -225,7 +223,7 @@ class Reach:
             greatest_m=max(now.greatest_m, sure.greatest_m + greatest_m),
         )
         doubt_m = max(widened.greatest_m - now.greatest_m, now.least_m - widened.least_m)
-        self._add(widened._replace(variance_m2=now.variance_m2 + (doubt_m / BOUND_SIGMAS) ** 2))
+        self._add(_settled(widened._replace(variance_m2=now.variance_m2 + (doubt_m / BOUND_SIGMAS) ** 2)))
 
     def shift(self, least_m: float, greatest_m: float) -> None:
         """Move the front end along the train, by something between these (towards rising `axis_m`)."""
@@ -245,7 +243,7 @@ class Reach:
         )
 
     def _jump(self, odometry: Odometry, mean_m: float, doubt_m: float, limit_m: float) -> None:
-        now = self._instants[-1]
+        now = _settled(self._instants[-1])
         self._turned_ns = odometry.t_ns
         following = _of(odometry, now.greatest_m, now.least_m, now.likeliest_m, now.rolled_m, now.variance_m2)
         self._add(self._moved(following, now, mean_m, doubt_m, limit_m))
@@ -268,6 +266,16 @@ class Reach:
         self._times.append(instant.t_ns)
         if len(self._times) > 2 * HISTORY:
             del self._instants[:HISTORY], self._times[:HISTORY]
+
+
+def _settled(now: Instant) -> Instant:
+    """An instant whose provisional part has gone into the sums: no message of its slip will take it back.
+
+    Places known before are as wide as ever, and what is claimed from here on owes nothing to that slip.
+    """
+    return now._replace(
+        least_m=now.least_m - now.provisional_m, greatest_m=now.greatest_m + now.provisional_m, provisional_m=0.0
+    )
 
 
 def _of(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from schemas.motion import SlipEpisode
 from schemas.position import TrainChange
-from tests.unit.train_position.made_up import run_with
+from tests.unit.train_position.made_up import Run, run_with
 
 
 def test_a_clock_that_was_set_back_costs_two_seconds() -> None:
@@ -104,15 +104,15 @@ def test_a_stop_is_demanded_until_the_train_stands() -> None:
     assert not run.position.stop_demanded
 
 
-def test_an_odometry_gone_astray_in_a_slip_is_not_believed_any_more() -> None:
+def _gone_astray() -> Run:
+    """A run whose odometry takes the train to speed up in a slip, and says after ten seconds that all is not well."""
     run = run_with()
     run.go(20.0, 1.0)
     run.hear(run.front_end(0.0, 5.0))
     run.go(0.1)
     slipping = {"slip": -1, "speed_bound_mps": 1.0, "provisional_m": 60.0}
     for k in range(200):
-        # It takes the train to speed up by 2.5 m/s² while it runs at 20 m/s, and notices after ten seconds that all is
-        # not well; thereafter its word for the way is not true either.
+        # By 2.5 m/s², while it runs at 20 m/s; thereafter its word for the way is not true either.
         run.go(0.1, silent=True)
         if k == 100:
             run.hear(
@@ -133,5 +133,23 @@ def test_an_odometry_gone_astray_in_a_slip_is_not_believed_any_more() -> None:
         mistaken = {"distance_m": run.distance_m + lie_m, "way_m": run.way_m + lie_m, "speed_mps": 20.0 + 0.25 * k}
         run.heard += run.keeper.on_odometry(run.odometry(**(slipping | mistaken)))
         run.require_true()
+    return run
+
+
+def test_an_odometry_gone_astray_in_a_slip_is_not_believed_any_more() -> None:
+    run = _gone_astray()
     assert run.status() == "degraded"
     assert run.position.stop_demanded
+
+
+def test_satellites_narrow_the_place_while_the_odometry_is_not_believed() -> None:
+    run = _gone_astray()
+    assert (run.position.bound_ahead_m or 0.0) > 60.0
+    run.hear(run.front_end(0.0, 16.0))
+    run.go(0.1, silent=True)
+    run.heard += run.keeper.on_odometry(run.odometry(slip=-1, speed_bound_mps=1.0, provisional_m=60.0))
+    run.require_true()
+    # What the slip has left open, 60 m, is no part of a place told since; in 0.1 s a train of 100 m/s goes 10 m, and
+    # the line and the clock add less than three.
+    bounds_m = (run.position.bound_ahead_m, run.position.bound_behind_m)
+    assert sum(bound_m or 0.0 for bound_m in bounds_m) < 2 * (16.0 + 10.0 + 3.0)
