@@ -16,7 +16,7 @@ from services.runtime.host_config import BusConfig
 from services.runtime.manual_loop import manual_loop
 from services.runtime.memory_node import EVENT_CACHE, MemoryNode
 from services.runtime.node import Service
-from tests.replay.test_lte_bridge import TO_CLOUD, Running, World
+from tests.replay.bridge_world import TO_CLOUD, Running, World
 from tests.unit.lte_bridge.records import TRAIN
 
 KEY = WEATHER.at(TRAIN)
