@@ -1,6 +1,7 @@
 """Simulated slips by the thousand: what the modes of odometry make of them, condition by condition.
 
-    python -m benchmarks.slips [--slips 1000] [--seed 1] [--method fused] [--kinds cycling …] [--creep 1] [CONDITION …]
+    python -m benchmarks.slips [--slips 1000] [--seed 1] [--method fused] [--kinds cycling …] [--creep 1] [--top MPS]
+        [CONDITION …]
 
 Every condition has runs of half an hour on lines of their own (services/simulator), judged as docs/odometry_fusion.md
 says. Prints a line per condition as soon as it is done.
@@ -18,6 +19,7 @@ import numpy as np
 from services.odometry_fusion.evaluation import (
     MotionTrack,
     MotionTruth,
+    SlipSpan,
     WheelWay,
     error_of,
     false_triggers,
@@ -114,8 +116,8 @@ def odometry_of(log: MotionLog, method: MethodName, *, known_scale: bool) -> Mot
     return step.advance(float(log.truth_t_s[-1]), log.imu_t_s, imu, log.tacho_t_s, log.pulses)
 
 
-def judge(log: MotionLog, rows: MotionRows, figures: Figures) -> None:
-    """Add one run to the figures."""
+def judge(log: MotionLog, rows: MotionRows, figures: Figures, least_top_mps: float = 0.0) -> None:
+    """Add one run to the figures; slips in which the rim is never off by so much count for bounds alone."""
     status = tuple(STATUSES[code] for code in rows.status)
     track = MotionTrack("run", rows.t_s, rows.distance_m, rows.speed_mps, rows.slip != 0, rows.bound_m, status)
     truth = MotionTruth(log.truth_t_s, log.distance_m, log.speed_mps, log.slip.astype(np.int64))
@@ -123,6 +125,8 @@ def judge(log: MotionLog, rows: MotionRows, figures: Figures) -> None:
     wheel = WheelWay(log.tacho_t_s, log.pulses.astype(np.float64) * pulse_m)
     lag_s = lag_of(track, truth)
     for one in slip_results(track, truth, wheel, lag_s):
+        if top_mps(log, one.span) < least_top_mps:
+            continue
         figures.errors_m.append(float(one.error_m))
         if abs(one.cost_m) > 1.0:
             figures.counted += 1
@@ -136,6 +140,12 @@ def judge(log: MotionLog, rows: MotionRows, figures: Figures) -> None:
     figures.over += int((rows.bound_m > 5.0 + 0.05 * (rows.distance_m - rows.distance_m[0]) + 1e-9).sum())
     figures.rows += len(rows)
     figures.worst = max(figures.worst, float((error_m / rows.bound_m).max()))
+
+
+def top_mps(log: MotionLog, span: SlipSpan) -> float:
+    """Largest slip speed of the rim in a slip, either way."""
+    within = (log.truth_t_s >= span.start_s) & (log.truth_t_s <= span.end_s)
+    return float(np.abs(np.gradient(log.wheel_slip_m, log.truth_t_s))[within].max(initial=0.0))
 
 
 def runs(
@@ -163,6 +173,9 @@ def main() -> None:
         "--kinds", nargs="+", choices=KINDS, default=None, help="of slips; all but breaking_away when left out"
     )
     parser.add_argument("--creep", type=float, default=1.0, help="of adhering wheels, times the usual; 0: none")
+    parser.add_argument(
+        "--top", type=float, default=0.0, metavar="MPS", help="only slips in which the rim comes to so much slip speed"
+    )
     known = ", ".join(CONDITIONS).replace("%", "%%")
     parser.add_argument("conditions", nargs="*", metavar="CONDITION", help=f"of {known}; default: all")
     asked = parser.parse_args()
@@ -173,7 +186,7 @@ def main() -> None:
     for name in asked.conditions or CONDITIONS:
         figures = Figures()
         for log in runs(CONDITIONS[name], asked.slips, asked.seed, asked.kinds, asked.creep):
-            judge(log, odometry_of(log, asked.method, known_scale=CONDITIONS[name].known_scale), figures)
+            judge(log, odometry_of(log, asked.method, known_scale=CONDITIONS[name].known_scale), figures, asked.top)
         print(figures.line(name), flush=True)  # noqa: T201 - the same
 
 

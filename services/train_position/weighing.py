@@ -6,7 +6,7 @@ from typing import Final
 
 from schemas.message import Message
 from schemas.position import ReferencePass
-from services.train_position.belief import Verdict
+from services.train_position.belief import Outcome, Verdict
 from services.train_position.branches import MAIN
 from services.train_position.claims import STREAM, Claim, Interval, offsets_of
 from services.train_position.estimate import Estimate
@@ -14,6 +14,8 @@ from services.train_position.held import Held, Said, is_reference
 from services.train_position.instants import Instant
 from services.train_position.scale_message import learned_scale
 
+AGREEING: Final[frozenset[Outcome]] = frozenset({"taken", "first", "resolved"})
+"""How a claim ends that the others bear out."""
 SCALE_SIGMAS: Final = 3.0
 """What the odometry vouches for is taken for so many standard deviations of the wheel's scale."""
 
@@ -36,7 +38,7 @@ def weigh(held: Held, claim: Claim, then: Instant) -> list[Message]:
     elif verdict.outcome == "resolved":
         told.append(held.event("contradiction", f"contradiction resolved: {verdict.text}", now.t_ns, claim.axis_m))
     _estimate(held, claim, then, now, verdict)
-    if verdict.outcome in {"taken", "first", "resolved"}:
+    if verdict.outcome in AGREEING:
         told += _taken(held, claim, then)
     return told
 
@@ -49,7 +51,7 @@ def _at(held: Held, then: Instant, now: Instant, places: Interval) -> float:
 
 def _said(claim: Claim, verdict: Verdict, before: Interval | None, supposed_m: float | None) -> Said:
     """The source's state after its claim."""
-    said = Said(claim.t_ns, verdict.outcome in {"taken", "first", "resolved"}, verdict.text or claim.words)
+    said = Said(claim.t_ns, verdict.outcome in AGREEING, verdict.text or claim.words)
     if before is not None and supposed_m is not None:
         said.difference_m = claim.axis_m - supposed_m
         towards_m = before.greatest_m - supposed_m if said.difference_m > 0.0 else supposed_m - before.least_m
@@ -81,9 +83,11 @@ def _passed(
 
 
 def _reset(held: Held, claim: Claim, then: Instant, supposed_m: float | None, verdict: Verdict) -> list[Message]:
-    """What a reference resets."""
+    """What a reference resets; one that contradicts the others resets nothing."""
+    if verdict.outcome not in AGREEING:
+        return []
     held.reference, held.reference_way_m = claim.name, then.way_m
-    if verdict.outcome == "contradiction" or supposed_m is None:
+    if supposed_m is None:
         return []
     text = f"{claim.words}; the position was {supposed_m - claim.axis_m:+.1f} m from it"
     return [held.event("reset", text, claim.t_ns, claim.axis_m)]

@@ -32,11 +32,14 @@ def test_a_lying_landmark_is_kept_beside_what_else_is_known() -> None:
     run = started()
     run.go(20.0)
     run.hear(run.front_end(1.0, 5.0))
+    run.hear(run.landmark("C0", 0.0, 10.0))
+    run.go(0.1)
     run.hear(run.landmark("C1", 120.0, 10.0))
     run.go(0.1)
     position = run.position
+    assert position.reference == "C0", "what contradicts the others is no reference"
     assert position.status == "degraded"
-    assert "sources contradict each other (satellites against C1)" in position.reason
+    assert "sources contradict each other (satellites, C0 against C1)" in position.reason
     least_m, greatest_m = run.margin_m()
     # The union of both claims, with everything between, and the odometry's part of one step.
     assert least_m <= run.front_m - 3.0
