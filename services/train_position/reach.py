@@ -274,7 +274,10 @@ def _settled(now: Instant) -> Instant:
     Places known before are as wide as ever, and what is claimed from here on owes nothing to that slip.
     """
     return now._replace(
-        least_m=now.least_m - now.provisional_m, greatest_m=now.greatest_m + now.provisional_m, provisional_m=0.0
+        least_m=now.least_m - now.provisional_m,
+        greatest_m=now.greatest_m + now.provisional_m,
+        variance_m2=now.variance_m2 + (now.provisional_m / BOUND_SIGMAS) ** 2,
+        provisional_m=0.0,
     )
 
 
